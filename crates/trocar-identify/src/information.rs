@@ -12,14 +12,14 @@
 //! errors larger than M⁻¹ says. C accounts for that.
 
 use nalgebra::{DMatrix, DVector, DVectorView};
-use trocar_model::{ElementParams, ParamError, ParameterId, Quantity};
+use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::element::{MOST_CLUSTERS, drift_basis};
 use super::estimate::t_quantile;
 use super::likelihood::{self, Column, Row, Trial};
-use super::numbers::{branch_ids, factor_of, quantities};
-use super::spread::{Dependent, PRIOR_WIDTH};
+use super::numbers::{branch_ids, factor_of, models_off, quantities};
+use super::spread::{Dependent, PRIOR_WIDTH, axes_of};
 use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
 use trocar_recording::loads::UNLOADED;
 use trocar_recording::{Recording, RecordingError};
@@ -46,6 +46,19 @@ pub struct Noise {
     pub ripple: f64,
     /// Correlation length of the ripple, m, above 0.
     pub ripple_length_m: f64,
+}
+
+impl Noise {
+    /// Standard deviation of independent errors along `motion`, N, that are as uncertain as those of the
+    /// sensor with the ripple, which is alike over its length.
+    pub(super) fn independent(&self, motion: &Recording) -> f64 {
+        let travel: f64 = motion.position.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+        let (count, length) = (motion.len() as f64, self.ripple_length_m);
+        let squares: f64 = motion.force.iter().map(|force| force * force).sum();
+        let ripple = self.ripple * self.ripple * squares / count;
+        let alike = 1.0 + 2.0 * length * count / travel.max(length);
+        (self.force_n * self.force_n + ripple * alike).sqrt()
+    }
 }
 
 impl Default for Noise {
@@ -234,10 +247,20 @@ impl Rows {
         Information(sum)
     }
 
-    /// The error to expect of every parameter from the whole motion.
+    /// The element, as the likelihood has it.
+    pub(super) fn stages(&self) -> Option<Stages> {
+        self.trial.model()
+    }
+
+    /// [`numbers::models_off`] for a `covariance` of the own parameters.
+    pub(super) fn deviations(&self, covariance: &DMatrix<f64>) -> Vec<(Stages, f64)> {
+        models_off(&self.trial, &axes_of(covariance.clone()))
+    }
+
+    /// Covariance of the errors to expect of the free parameters from the whole motion.
     ///
     /// Returns `None` where the information has no inverse in numbers.
-    pub fn expected(&self, noise: &Noise) -> Option<Vec<Expected>> {
+    pub fn covariance_expected(&self, noise: &Noise) -> Option<DMatrix<f64>> {
         let own = self.own();
         let (normal, prior) = (self.normal(), self.prior(noise));
         let squares: f64 = self.rows.iter().map(|row| row.force * row.force).sum();
@@ -256,8 +279,13 @@ impl Rows {
             ratios.sort_by(f64::total_cmp);
             inflation = (inflation * ratios[own / 2]).clamp(1.0, 100.0);
         }
-        let shares = self.shares(&covariance);
-        Some(self.quantities().into_iter().map(|of| self.one(of, &covariance, &shares)).collect())
+        Some(covariance)
+    }
+
+    /// The error to expect of every parameter with that `covariance` of the free ones.
+    pub fn expected(&self, covariance: &DMatrix<f64>) -> Vec<Expected> {
+        let shares = self.shares(covariance);
+        self.quantities().into_iter().map(|of| self.one(of, covariance, &shares)).collect()
     }
 
     /// A'WA. A step has an entry in the columns of its own stroke and of the one before only.
@@ -298,9 +326,9 @@ impl Rows {
         for k in own..common {
             sum.ger(prior[k], &gain.column(k), &gain.column(k), 1.0);
         }
-        let back = REVERSAL * self.trial.candidate.half_width;
+        let width = self.trial.candidate.half_width;
         for run in self.rows.chunk_by(|a, b| a.run == b.run) {
-            let mut friction = Reversals::new(back, noise.scatter_travel_m, own);
+            let mut friction = Reversals::new(width, noise.scatter_travel_m, own);
             let mut ripple = DVector::zeros(own);
             for block in run.chunks(BLOCK) {
                 cancel::check();
@@ -319,7 +347,8 @@ impl Rows {
                     ripple *= (-row.displacement.abs() / noise.ripple_length_m).exp();
                     faded.set_column(i, &ripple);
                     ripple += rippled.column(i);
-                    friction.step(row, &moved.column(i), &mut sum, noise.scatter.powi(2));
+                    let step = (row.displacement, row.force);
+                    friction.step(step, &moved.column(i), &mut sum, noise.scatter.powi(2));
                 }
                 let crossed = &rippled * faded.transpose();
                 sum += &white * white.transpose() + &rippled * rippled.transpose();
@@ -452,7 +481,7 @@ impl Row {
 
 /// How the friction of each reversal, which replaces that before it over a travel, moves the
 /// estimate: sums over the steps since it.
-struct Reversals {
+pub(super) struct Reversals {
     /// Way back that is a reversal, and travel over which the friction is replaced, m.
     back: f64,
     travel: f64,
@@ -466,17 +495,26 @@ struct Reversals {
 }
 
 impl Reversals {
-    fn new(back: f64, travel: f64, own: usize) -> Self {
+    /// Of a seal of `half_width`, m, and estimates of `own` numbers.
+    pub(super) fn new(half_width: f64, travel: f64, own: usize) -> Self {
+        let back = REVERSAL * half_width;
         let moved = [DVector::zeros(own), DVector::zeros(own)];
         let (at, farthest, direction) = (0.0, 0.0, 0.0);
         Self { back, travel, moved, path: f64::INFINITY, at, farthest, direction }
     }
 
-    /// Adds a step; at a reversal adds `variance` times what is complete to `sum`.
-    fn step(&mut self, row: &Row, moved: &DVectorView<f64>, sum: &mut DMatrix<f64>, variance: f64) {
-        self.at += row.displacement;
-        if self.direction == 0.0 && row.displacement != 0.0 {
-            self.direction = row.displacement.signum();
+    /// Adds a step to a `force`, N, an error of which moves the estimate by `moved`; at a reversal adds
+    /// `variance` times what is complete to `sum`.
+    pub(super) fn step(
+        &mut self,
+        (displacement, force): (f64, f64),
+        moved: &DVectorView<f64>,
+        sum: &mut DMatrix<f64>,
+        variance: f64,
+    ) {
+        self.at += displacement;
+        if self.direction == 0.0 && displacement != 0.0 {
+            self.direction = displacement.signum();
         }
         if (self.at - self.farthest) * self.direction > 0.0 {
             self.farthest = self.at;
@@ -489,14 +527,14 @@ impl Reversals {
             std::mem::swap(now, before);
             now.fill(0.0);
         } else {
-            self.path += row.displacement.abs();
+            self.path += displacement.abs();
         }
         let share = 1.0 - (-self.path / self.travel).exp();
-        self.moved[0].axpy(share * row.force, moved, 1.0);
-        self.moved[1].axpy((1.0 - share) * row.force, moved, 1.0);
+        self.moved[0].axpy(share * force, moved, 1.0);
+        self.moved[1].axpy((1.0 - share) * force, moved, 1.0);
     }
 
-    fn end(self, sum: &mut DMatrix<f64>, variance: f64) {
+    pub(super) fn end(self, sum: &mut DMatrix<f64>, variance: f64) {
         self.moved.iter().for_each(|moved| sum.ger(variance, moved, moved, 1.0));
     }
 }

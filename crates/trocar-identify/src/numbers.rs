@@ -212,13 +212,17 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
 
 /// The models a standard deviation from the best one along each of the axes of its covariance.
 pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<(Stages, f64)> {
-    let best = &fitted.best;
+    models_off(&fitted.best, &Spread::new(fitted).axes())
+}
+
+/// The models off `best` by `axes` in its first free numbers, each with the part of its axis.
+pub(super) fn models_off(best: &EmsTrial, axes: &[Vec<f64>]) -> Vec<(Stages, f64)> {
     let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
     let moved = |off: &[f64], part: f64| {
-        let values: Vec<f64> = values.iter().zip(off).map(|(own, off)| own + part * off).collect();
+        let mut values = values.clone();
+        values.iter_mut().zip(off).for_each(|(own, off)| *own += part * off);
         best.with(&values).model().map(|stages| (stages, part))
     };
-    let axes = Spread::new(fitted).axes();
     axes.iter().filter_map(|off| PARTS.iter().find_map(|part| moved(off, *part))).collect()
 }
 

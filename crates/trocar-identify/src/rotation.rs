@@ -5,10 +5,11 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rayon::prelude::*;
-use trocar_model::{Quantity, Rotation, Trocar};
+use trocar_model::{Quantity, Rotation, Stages, Trocar};
 
 use super::estimate::{Estimate, t_quantile};
 use super::findings::{IdentifyError, Parameter, Warning};
+use super::information::{Expected, Noise, Reversals, Rows};
 use super::numbers;
 use super::options::IdentifyOptions;
 use super::result::Identification;
@@ -94,6 +95,9 @@ const ITERATIONS: usize = 20;
 /// Where the fit may start: k_t over the mean slope along the axis.
 const STARTS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
+const QUANTITIES: [Quantity; 2] =
+    [Quantity::CircumferentialStiffness, Quantity::CircumferentialRatio];
+
 const ADVICE: [&str; 2] = [
     "hold the instrument after a stroke and turn it by 90 degrees, to and fro",
     "record strokes while turning, at three or more ratios of the speeds, 20 mm/s at 0.2, 1 and 3 turns a second",
@@ -134,11 +138,9 @@ pub(super) fn identified(
         recording.force = recording.force_without(&found.model.loads, found.model.offset);
     }
     let fit = Fit::new(&found, &turned, radius)?;
-    let [stiffness, ratio] = fit.estimates();
-    found.rotation = Some(fit.rotation(fit.best));
-    for (quantity, estimate) in
-        [(Quantity::CircumferentialStiffness, stiffness), (Quantity::CircumferentialRatio, ratio)]
-    {
+    let (rotation, estimates) = (fit.rotation(fit.best), fit.estimates());
+    found.rotation = Some(rotation);
+    for (quantity, estimate) in QUANTITIES.into_iter().zip(estimates) {
         let parameter = Parameter { id: quantity.id(), estimate };
         if !parameter.estimate.determined {
             found.warnings.push(Warning::undetermined(&parameter));
@@ -183,7 +185,7 @@ fn parts(recording: &Recording, radius: f64) -> (Vec<Recording>, Vec<Recording>)
 /// Least squares of k_t and F_t/F_c by simulation, of the forces and of the torques where they are
 /// recorded.
 struct Fit<'a> {
-    found: &'a Identification,
+    axial: Axial<'a>,
     turned: Vec<Turned<'a>>,
     radius: f64,
     /// Standard deviations of independent errors, N and N·m.
@@ -194,6 +196,33 @@ struct Fit<'a> {
     errors: Vec<Error>,
     slopes: [Vec<f64>; 2],
 }
+
+/// What is known of the seal along the axis.
+struct Axial<'a> {
+    trocar: Trocar<&'a [f64]>,
+    /// Sensor offset, N.
+    offset: f64,
+    /// Scatter of the friction between strokes, relative, as far as it changes without turning.
+    scatter: f64,
+    /// [`Identification::deviations`].
+    deviations: &'a [(Stages, f64)],
+}
+
+impl<'a> Axial<'a> {
+    fn of(found: &'a Identification) -> Self {
+        let scale = &found.friction_scale;
+        let scatter = scatter(scale.scatter, scale.drift);
+        let (trocar, offset) = (found.trocar(), found.model.offset);
+        Self { trocar, offset, scatter, deviations: &found.deviations }
+    }
+}
+
+fn scatter(of_strokes: f64, drift: f64) -> f64 {
+    of_strokes.hypot(0.5 * drift).max(1e-3)
+}
+
+/// Information and score.
+type Movement = (Matrix2<f64>, Vector2<f64>);
 
 /// An error in units of its standard deviation.
 #[derive(Clone, Copy)]
@@ -299,26 +328,10 @@ impl<'a> Fit<'a> {
         recordings: &'a [Recording],
         radius: f64,
     ) -> Result<Self, IdentifyError> {
-        let element = found.element().params();
-        let c = element.deformation.half_width();
-        let slope = 0.5 * (element.insertion.static_force + element.withdrawal.static_force) / c;
-        let mut turned: Vec<Turned> = Vec::new();
-        for recording in recordings {
-            let first =
-                turned.last().map_or(0, |last| last.movements[last.movements.len() - 1] + 1);
-            turned.push(Turned::new(recording, radius, first));
-        }
+        let slope = found.element().params().mean_stiffness();
         let force = found.residual_rms.max(f64::MIN_POSITIVE);
-        let mut own = Self {
-            found,
-            turned,
-            radius,
-            noise: [force, radius * force],
-            best: [slope.ln(), 0.0],
-            errors: Vec::new(),
-            slopes: [Vec::new(), Vec::new()],
-        };
-        found.trocar().with_rotation(Some(own.rotation(own.best)))?;
+        let mut own = Self::at(Axial::of(found), recordings, [slope.ln(), 0.0], radius, force);
+        own.axial.trocar.with_rotation(Some(own.rotation(own.best)))?;
         let sum = |factor: &f64| squares(&own.errors([(factor * slope).ln(), 0.0]));
         let starts = STARTS.iter().map(|factor| (factor, sum(factor)));
         let (start, _) = starts.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((&1.0, 0.0));
@@ -327,9 +340,31 @@ impl<'a> Fit<'a> {
             own.noise = own.noise_found(&own.errors(own.best));
             own.best = own.descend(own.best);
         }
-        own.errors = own.errors(own.best);
-        own.slopes = own.slopes(own.best, &own.errors);
-        Ok(own)
+        Ok(own.linearised())
+    }
+
+    /// At `best`, with independent errors of `force`, N, and not linearised.
+    fn at(
+        axial: Axial<'a>,
+        recordings: &'a [Recording],
+        best: [f64; 2],
+        radius: f64,
+        force: f64,
+    ) -> Self {
+        let mut turned: Vec<Turned> = Vec::new();
+        for recording in recordings {
+            let first =
+                turned.last().map_or(0, |last| last.movements[last.movements.len() - 1] + 1);
+            turned.push(Turned::new(recording, radius, first));
+        }
+        let (noise, errors, slopes) = ([force, radius * force], Vec::new(), Default::default());
+        Self { axial, turned, radius, noise, best, errors, slopes }
+    }
+
+    fn linearised(mut self) -> Self {
+        self.errors = self.errors(self.best);
+        self.slopes = self.slopes(self.best, &self.errors);
+        self
     }
 
     fn rotation(&self, [stiffness, ratio]: [f64; 2]) -> Rotation {
@@ -359,15 +394,12 @@ impl<'a> Fit<'a> {
     }
 
     fn errors(&self, at: [f64; 2]) -> Vec<Error> {
-        self.errors_of(self.found.trocar(), at)
+        self.errors_of(self.axial.trocar, at)
     }
 
     fn errors_of(&self, trocar: Trocar<&[f64]>, at: [f64; 2]) -> Vec<Error> {
         let trocar = trocar.with_rotation(Some(self.rotation(at))).unwrap_or(trocar);
-        let offset = self.found.model.offset;
-        let scale = &self.found.friction_scale;
-        // As far as it changes without turning.
-        let scatter = scale.scatter.hypot(0.5 * scale.drift).max(1e-3);
+        let Axial { offset, scatter, .. } = self.axial;
         let how = Level { noise: self.noise, scatter, offset };
         let of = |own: &Turned| {
             let model = replay(&trocar, own.recording, offset);
@@ -416,7 +448,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Information and score of each movement.
-    fn movements(&self) -> Vec<(Matrix2<f64>, Vector2<f64>)> {
+    fn movements(&self) -> Vec<Movement> {
         let count = self.errors.iter().map(|error| error.movement + 1).max().unwrap_or(0);
         let mut all = vec![(Matrix2::zeros(), Vector2::zeros()); count];
         for ((a, b), error) in self.slopes[0].iter().zip(&self.slopes[1]).zip(&self.errors) {
@@ -428,42 +460,81 @@ impl<'a> Fit<'a> {
         all
     }
 
-    /// Intervals by the jackknife over movements, and by the errors of the axial model.
-    fn estimates(&self) -> [Estimate; 2] {
-        let movements = self.movements();
-        let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
-        let inverse = h.try_inverse();
+    /// Covariance of `best` by the jackknife over movements of information `h` in all.
+    fn jackknifed(movements: &[Movement], h: Matrix2<f64>) -> Option<Matrix2<f64>> {
         let left_out: Option<Vec<Vector2<f64>>> = movements
             .iter()
             .map(|(own, score)| (h - own).try_inverse().map(|inverse| inverse * score))
             .collect();
-        let variance = left_out.zip(inverse).map(|(left_out, inverse)| {
-            let count = left_out.len() as f64;
-            let mean = left_out.iter().sum::<Vector2<f64>>() / count;
-            let square = |off: Vector2<f64>| off * off.transpose();
-            let own: Matrix2<f64> = left_out.iter().map(|own| square(own - mean)).sum();
+        let (left_out, inverse) = left_out.zip(h.try_inverse())?;
+        let count = left_out.len() as f64;
+        let mean = left_out.iter().sum::<Vector2<f64>>() / count;
+        let own: Matrix2<f64> = left_out.iter().map(|own| square(own - mean)).sum();
+        let scatter = own * ((count - 1.0) / count);
+        // Errors that recur in every movement show no scatter; by their size they are seen.
+        Some(scatter.zip_map(&inverse, f64::max))
+    }
+
+    /// Covariance of `best` with what `noise` does to the forces of a motion without gaps, and friction that
+    /// changes with every reversal; `inverse` is that of the information.
+    fn disturbed(&self, noise: &Noise, inverse: Matrix2<f64>) -> Matrix2<f64> {
+        let recording = self.turned[0].recording;
+        let (x, force) = (&recording.position, &recording.force);
+        let half_width = self.axial.trocar.seal().half_width();
+        let mut friction = Reversals::new(half_width, noise.scatter_travel_m, 2);
+        let (mut sum, mut ripple) = (DMatrix::zeros(2, 2), DVector::zeros(2));
+        let rows = self.slopes[0].iter().zip(&self.slopes[1]).zip(&self.errors);
+        let readings = rows.filter(|(_, error)| error.channel.is_some());
+        let first = x.len() - readings.clone().count();
+        for (at, ((a, b), _)) in (first..).zip(readings) {
+            let moved = DVector::from_vec(vec![*a, *b]) / self.noise[0];
+            let travel = x[at] - x[at.max(first + 1) - 1];
+            ripple *= (-travel.abs() / noise.ripple_length_m).exp();
+            let own = &moved * (noise.ripple * force[at]);
+            // Σ_ik b_i·b_k·exp(−|s_i − s_k|/ℓ) by a sum that fades along the path.
+            sum += (&own + &ripple) * own.transpose() + &own * ripple.transpose();
+            sum.ger(noise.force_n.powi(2), &moved, &moved, 1.0);
+            ripple += own;
+            let step = (travel, force[at]);
+            friction.step(step, &moved.column(0), &mut sum, noise.scatter.powi(2));
+        }
+        friction.end(&mut sum, noise.scatter.powi(2));
+        let sum = Matrix2::from_fn(|i, j| sum[(i, j)]);
+        inverse * sum * inverse
+    }
+
+    /// Standard errors of `best` with a covariance of its own and by the errors of the axial model; and
+    /// their degrees of freedom.
+    fn standard_errors(
+        &self,
+        covariance: impl Fn(&[Movement], Matrix2<f64>) -> Option<Matrix2<f64>>,
+    ) -> [(f64, f64); 2] {
+        let movements = self.movements();
+        let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
+        let inverse = h.try_inverse();
+        let variance = covariance(&movements, h).zip(inverse).map(|(own, inverse)| {
             let shift = |slope: Vec<f64>| square(inverse * normal(&self.slopes, slope).1);
-            // Errors that recur in every movement show no scatter; by their size they are seen.
-            let scatter = own * ((count - 1.0) / count);
-            let variance = |i: usize| scatter[(i, i)].max(inverse[(i, i)]);
             let axial: Matrix2<f64> = self.axial_errors().map(shift).sum();
-            axial.diagonal() + Vector2::new(variance(0), variance(1))
+            (own + axial).diagonal()
         });
-        let quantities = [Quantity::CircumferentialStiffness, Quantity::CircumferentialRatio];
         [0, 1].map(|i| {
-            let unit = quantities[i].declaration().unit.si;
-            let value = self.best[i].exp();
             // Student's t of the movements that tell of it, as if they told alike (CARTER).
             let shares = movements.iter().map(|(own, _)| {
                 inverse.map_or(0.0, |inverse| (inverse.row(i) * own * inverse.column(i))[0])
             });
             let (sum, squares) = shares.fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
-            let degrees = sum * sum / squares - 1.0;
-            let half =
-                variance.map_or(f64::INFINITY, |variance| t_quantile(degrees) * variance[i].sqrt());
-            // NaN where no movement tells of it.
-            let is_determined = half < DETERMINED.ln();
-            if !is_determined {
+            let error = variance.map_or(f64::INFINITY, |variance| variance[i].sqrt());
+            (error, sum * sum / squares - 1.0)
+        })
+    }
+
+    /// The intervals.
+    fn estimates(&self) -> [Estimate; 2] {
+        let errors = self.standard_errors(Self::jackknifed);
+        [0, 1].map(|i| {
+            let (unit, value) = (QUANTITIES[i].declaration().unit.si, self.best[i].exp());
+            let half = half_width(errors[i]);
+            if half.is_infinite() {
                 return Estimate::undetermined(
                     value,
                     unit,
@@ -478,12 +549,61 @@ impl<'a> Fit<'a> {
     /// Changes of the errors with the axial model, by the deviations whose squares add up to its
     /// covariance.
     fn axial_errors(&self) -> impl Iterator<Item = Vec<f64>> {
-        self.found.deviations.iter().map(|(stages, part)| {
-            let profile = self.found.trocar().profile().copied();
+        self.axial.deviations.iter().map(|(stages, part)| {
+            let profile = self.axial.trocar.profile().copied();
             let moved = self.errors_of(Trocar::new(*stages, profile), self.best);
             moved.iter().zip(&self.errors).map(|(a, b)| (a.value - b.value) / part).collect()
         })
     }
+}
+
+impl Rows {
+    /// The errors to expect of k_t and F_t/F_c of a seal with `rotation`, from the forces of a motion in
+    /// which the instrument turns, behind that of these rows with their `covariance`. Of its readings
+    /// none matters.
+    ///
+    /// Returns `None` where the motion does not turn.
+    pub fn expected_around(
+        &self,
+        noise: &Noise,
+        covariance: &DMatrix<f64>,
+        rotation: Rotation,
+        mut turning: Recording,
+    ) -> Option<[Expected; 2]> {
+        turning.angle.as_ref()?;
+        let trocar = Trocar::new(self.stages()?, None);
+        let truth = trocar.with_rotation(Some(rotation)).ok()?;
+        turning.force = replay(&truth, &turning, 0.0).force;
+        let deviations = self.deviations(covariance);
+        let scatter = scatter(noise.scatter, noise.drift);
+        let axial = Axial { trocar, offset: 0.0, scatter, deviations: &deviations };
+        let Rotation { shaft_radius, circumferential_stiffness, circumferential_ratio } = rotation;
+        let best = [circumferential_stiffness.ln(), circumferential_ratio.ln()];
+        let force = noise.independent(&turning);
+        let recordings = [turning];
+        let fit = Fit::at(axial, &recordings, best, shaft_radius, force).linearised();
+        let disturbed = |h: Matrix2<f64>| h.try_inverse().map(|own| fit.disturbed(noise, own));
+        let errors = fit.standard_errors(|_, h| disturbed(h));
+        // The interval is as wide as the errors of the readings let expect, too.
+        let widest = |h: Matrix2<f64>| Some(disturbed(h)?.zip_map(&h.try_inverse()?, f64::max));
+        let of_intervals = fit.standard_errors(|_, h| widest(h));
+        Some([0, 1].map(|i| {
+            let (value, half) = (best[i].exp(), half_width(of_intervals[i]));
+            let (deviation, half_width) = (value * errors[i].0, value * half);
+            Expected { id: QUANTITIES[i].id(), value, deviation, half_width, on_log: true }
+        }))
+    }
+}
+
+/// Half width of the interval on the logarithm; infinite where the number is not determined.
+fn half_width((error, degrees): (f64, f64)) -> f64 {
+    // NaN where no movement tells of it.
+    let half = t_quantile(degrees) * error;
+    if half < DETERMINED.ln() { half } else { f64::INFINITY }
+}
+
+fn square(off: Vector2<f64>) -> Matrix2<f64> {
+    off * off.transpose()
 }
 
 fn squares(errors: &[Error]) -> f64 {

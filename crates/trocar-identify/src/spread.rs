@@ -24,6 +24,15 @@ pub(super) const SHAPE: f64 = 1.2;
 pub(super) const WIDTH: f64 = 1.1;
 pub(super) const MASS: f64 = 2.0;
 
+/// Deviations whose squares add up to `covariance`.
+pub(super) fn axes_of(covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
+    let SymmetricEigen { eigenvalues, eigenvectors } = covariance.symmetric_eigen();
+    let axes = eigenvalues.iter().zip(eigenvectors.column_iter());
+    axes.filter(|(own, _)| **own > 0.0)
+        .map(|(own, axis)| (axis * own.sqrt()).iter().copied().collect())
+        .collect()
+}
+
 /// Spread of a fit, to first order.
 pub(crate) struct Spread<'a, T> {
     found: &'a Fitted<T>,
@@ -185,11 +194,7 @@ impl<'a, T: Trial> Spread<'a, T> {
             Some(moderated) => moderated.clone(),
             None => self.jackknifed().0,
         };
-        let SymmetricEigen { eigenvalues, eigenvectors } = all.symmetric_eigen();
-        let axes = eigenvalues.iter().zip(eigenvectors.column_iter());
-        axes.filter(|(own, _)| **own > 0.0)
-            .map(|(own, axis)| (axis * own.sqrt()).iter().copied().collect())
-            .collect()
+        axes_of(all)
     }
 
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that

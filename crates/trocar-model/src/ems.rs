@@ -185,6 +185,12 @@ impl Parameters for ElementParams {
 }
 
 impl ElementParams {
+    /// (F_s⁺ + F_s⁻)/(2c), N/m: the slope of the way from straight to sliding, the mean of both directions.
+    pub fn mean_stiffness(&self) -> f64 {
+        let limits = self.insertion.static_force + self.withdrawal.static_force;
+        0.5 * limits / self.deformation.half_width()
+    }
+
     /// The element of EMS without seal damping; its further terms are off.
     pub const fn new(
         deformation: DeformationForce,

@@ -106,7 +106,7 @@ fn tiles(input: &PlanReport) -> Vec<Tile> {
 pub fn turning(from: f64) -> String {
     format!(
         "From {} s on the instrument turns: told the diameter of the shaft, identify finds stiffness and friction around it. \
-         What is expected is that of the motion before.",
+         What is expected of them is that of a seal as stiff and rough around the shaft as along it.",
         significant(from, 4)
     )
 }
@@ -157,7 +157,9 @@ fn expected(input: &PlanReport) -> Section {
             Cell::number(relative, 3),
             scaled(p.largest_half_width),
         ];
-        row.extend(paper.map(|(_, paper)| scaled(paper[k].half_width)));
+        let of_paper =
+            |paper: &[Prediction]| paper.get(k).map_or("–".into(), |p| scaled(p.half_width));
+        row.extend(paper.map(|(_, paper)| of_paper(paper)));
         row.push(match plan.time_for(p, PRECISION).map(|time| time - plan.duration_s()) {
             Some(more) if more > 0.0 => Cell::number(more, 3),
             Some(_) => "none".into(),

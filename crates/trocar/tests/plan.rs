@@ -365,6 +365,70 @@ fn the_documented_rig_is_the_default() {
     assert_eq!(read, PlanConfig::default());
 }
 
+/// Stiffness and friction around the shaft of seals that are as stiff and rough around it as along it:
+/// their errors beside the expected ones, and their intervals.
+#[test]
+fn the_predicted_error_of_rotation_is_the_one_that_identifications_make() {
+    let wanted = std::env::var("TROCAR_STATISTICS").ok();
+    let wanted = wanted.map(|text| text.parse().ok().filter(|count| *count > 1).unwrap_or(60));
+    // What a mean square, a median and a count of so few seals scatter.
+    let (realised, wide, covered) = match wanted {
+        Some(_) => ([0.8, 1.4], [0.65, 1.25], 0.92),
+        None => ([0.4, 2.0], [0.5, 1.5], 0.75),
+    };
+    let seals = wanted.unwrap_or(8);
+    let mut config = config(90.0);
+    config.rig.turning_rad_s = std::f64::consts::TAU;
+    let radius = 0.5 * config.rig.shaft_diameter_m;
+    let ids =
+        [Quantity::CircumferentialStiffness, Quantity::CircumferentialRatio].map(Quantity::id);
+    let one = |seed: u64| {
+        let seal = random_plausible_seal(1000 + seed);
+        let planned = plan(&config, &Goal::All, &[seal], &[], &|_, _| {}).expect("a plan");
+        let rotation = Rotation {
+            shaft_radius: radius,
+            circumferential_stiffness: seal.mean_stiffness(),
+            circumferential_ratio: 1.0,
+        };
+        let mut bench = BenchConfig { rotation: Some(rotation), ..BenchConfig::default() };
+        bench.rod.mass_kg = 0.0;
+        let element = [Element::new(seal).expect("a model")];
+        let run = run_motion(&bench, &planned.course, &element, seed).expect("the rig runs");
+        let mut recording = run.to_recording("planned").expect("finite columns");
+        recording.torque = None;
+        let options = IdentifyOptions {
+            shaft_radius: Some(radius),
+            free_motion: false,
+            ..IdentifyOptions::default()
+        };
+        let found = identify(&[recording], &options, &|_, _| {}).expect("it slides");
+        ids.map(|id| {
+            let expected = of(&planned.expected, id);
+            assert!(planned.time_for(expected, 0.01).is_none(), "it takes as long in any motion");
+            let estimate = found.estimate(id).expect("it is estimated");
+            let error = (estimate.value / expected.value).ln() * expected.value;
+            let [low, high] = estimate.ci95.map(|end| (end / expected.value).ln());
+            let width = 0.5 * (high - low) * expected.value / expected.half_width;
+            (error / expected.standard_deviation, width, estimate.covers(expected.value))
+        })
+    };
+    let all: Vec<[(f64, f64, bool); 2]> = (1..=seals).into_par_iter().map(one).collect();
+    for (k, id) in ids.iter().enumerate() {
+        let own = all.iter().map(|found| found[k]);
+        let count = all.len() as f64;
+        let whole = (own.clone().map(|found| found.0.powi(2)).sum::<f64>() / count).sqrt();
+        let mut widths: Vec<f64> = own.clone().map(|found| found.1).collect();
+        widths.sort_by(f64::total_cmp);
+        let width = widths[widths.len() / 2];
+        let coverage = own.filter(|found| found.2).count() as f64 / count;
+        println!(
+            "{id}: realised over predicted {whole:.2}, half widths {width:.2}, coverage {coverage:.3}"
+        );
+        let within = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
+        assert!(within(realised, whole) && within(wide, width) && coverage >= covered, "{id}");
+    }
+}
+
 /// On a rig that turns the instrument, the motion ends with what determines stiffness and friction
 /// around the shaft of the seals it was planned for, within the limits of the rig around it, too.
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
-use trocar::plan::{Goal, Plan, PlanConfig, Summary, plan};
+use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Summary, plan};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
 use trocar_model::{ElementParams, Unit};
@@ -216,7 +216,9 @@ fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
         let value = |value: f64| number(scale * value);
         let mut row = vec![in_words(p.id), value(p.value), value(p.half_width)];
         row.push(p.relative_half_width.map_or("-".to_owned(), |r| number(1e2 * r) + " %"));
-        row.extend(answer.paper_expected.map(|paper| value(paper[k].half_width)));
+        let of_paper =
+            |paper: &[Prediction]| paper.get(k).map_or("-".to_owned(), |p| value(p.half_width));
+        row.extend(answer.paper_expected.map(of_paper));
         row.push(shown.to_owned());
         table.row(row);
     }

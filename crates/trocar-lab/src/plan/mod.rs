@@ -157,8 +157,9 @@ pub struct Plan {
     pub before_s: f64,
     /// Time after which the goal is expected to be reached, s; none without a wanted precision.
     pub needed_s: Option<f64>,
-    /// When the instrument begins to turn, s; none on a rig that does not turn it. What is expected is
-    /// that of the motion before.
+    /// When the instrument begins to turn, s; none on a rig that does not turn it. What is expected along
+    /// the axis is that of the motion before; around the shaft, that of a seal as stiff and rough as along
+    /// it, from its forces.
     pub turning_from_s: Option<f64>,
 }
 
@@ -171,8 +172,11 @@ impl Plan {
     /// Time of a motion like this one, s, after which the half width of a parameter is expected to be
     /// `wanted` times its value; negative where the recordings before it suffice. Half widths shrink
     /// with the root of the time, of those recordings and of the motion together without turning, which
-    /// takes as long in any motion.
+    /// takes as long in any motion: none for a parameter of rotation.
     pub fn time_for(&self, prediction: &Prediction, wanted: f64) -> Option<f64> {
+        if prediction.is_around() {
+            return None;
+        }
         let still = self.turning_from_s.unwrap_or(self.duration_s());
         let whole = self.before_s + still;
         let needed = whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s;
@@ -241,7 +245,10 @@ pub fn plan(
     let shares = search.shares(&counts)?;
     let paper = course::of_the_paper(config);
     let motions: Vec<&Course> = std::iter::once(&course).chain(&paper).collect();
-    let mut expected = predictions(config, &drawn, &motions, &before, progress)?.into_iter();
+    let end = course.position.last().copied().unwrap_or(config.rig.lowest_m);
+    let turning = turning::course(&config.rig, end, widest);
+    let mut expected =
+        predictions(config, &drawn, &motions, (&before, turning.as_ref()), progress)?.into_iter();
     let mut plan = Plan {
         segments,
         shares,
@@ -252,8 +259,7 @@ pub fn plan(
         turning_from_s: None,
         course,
     };
-    let end = plan.course.position.last().copied().unwrap_or(config.rig.lowest_m);
-    if let Some(turning) = turning::course(&config.rig, end, widest) {
+    if let Some(turning) = turning {
         plan.turning_from_s = Some(plan.duration_s());
         plan.course = turning::appended(&plan.course, turning);
     }
@@ -283,30 +289,38 @@ pub fn predicted(
     before: &[Recording],
 ) -> Result<Vec<Prediction>, PlanError> {
     let before: Vec<Motion> = before.iter().cloned().map(Motion::of).collect();
-    let all = predictions(config, seals, &[motion], &before, &|_, _| {})?;
+    let all = predictions(config, seals, &[motion], (&before, None), &|_, _| {})?;
     Ok(all.into_iter().next().unwrap_or_default())
 }
 
-/// The same for each of `courses`.
+/// The same for each of `courses`; behind the first the instrument turns as in `turning`.
 fn predictions(
     config: &PlanConfig,
     seals: &[ElementParams],
     courses: &[&Course],
-    before: &[Motion],
+    (before, turning): (&[Motion], Option<&Course>),
     progress: Progress,
 ) -> Result<Vec<Vec<Prediction>>, PlanError> {
     progress("expected intervals", 0.5);
+    let turning = turning.map(turning::recording).transpose()?;
     let motions: Vec<Motion> = courses
         .par_iter()
         .map(|course| Motion::planned(&course.time, &course.position))
         .collect::<Result<_, _>>()?;
     let done = AtomicUsize::new(0);
-    let predictions = motions.iter().map(|motion| {
+    let predictions = motions.iter().enumerate().map(|(k, motion)| {
+        let turning = turning.as_ref().filter(|_| k == 0);
         let motions: Vec<&Motion> = before.iter().chain([motion]).collect();
         let all = seals.par_iter().map(|seal| {
             cancel::check();
             let rows = Rows::new(&motions, seal, &config.noise)?.ok_or(PlanError::Singular)?;
-            let expected = rows.expected(&config.noise).ok_or(PlanError::Singular)?;
+            let known = rows.covariance_expected(&config.noise).ok_or(PlanError::Singular)?;
+            let mut expected = rows.expected(&known);
+            if let Some(turning) = turning {
+                let rotation = config.rig.rotation(seal);
+                let around = rows.expected_around(&config.noise, &known, rotation, turning.clone());
+                expected.extend(around.into_iter().flatten());
+            }
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
             let part = done as f64 / (courses.len() * seals.len()) as f64;
             progress("expected intervals", 0.5 + 0.5 * part);

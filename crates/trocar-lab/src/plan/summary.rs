@@ -49,6 +49,14 @@ impl Plan {
 }
 
 impl Prediction {
+    /// Whether it is a parameter of rotation.
+    pub fn is_around(&self) -> bool {
+        matches!(
+            self.id.quantity,
+            Quantity::CircumferentialStiffness | Quantity::CircumferentialRatio
+        )
+    }
+
     /// Whether it is a coefficient of a branch, of which there are many and none means anything by itself.
     pub fn is_coefficient(&self) -> bool {
         matches!(self.id.quantity, Quantity::Coefficient { .. })

@@ -6,6 +6,7 @@
 //! strokes, each with a hold and a turn to and fro                      k_t
 //! ```
 
+use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::bench::Course;
 
 use super::blocks::{LENGTHS, SHORTEST};
@@ -55,6 +56,14 @@ pub(super) fn course(rig: &Rig, from: f64, half_width: f64) -> Option<Course> {
     let surface = places(rig, &turning.around, &times);
     let angle = surface.into_iter().map(|place| place / radius).collect();
     Some(Course { time: times, position, angle: Some(angle) })
+}
+
+/// `course` as a recording that nobody has made.
+pub(super) fn recording(course: &Course) -> Result<Recording, RecordingError> {
+    let Course { time, position, angle } = course.clone();
+    let force = vec![0.0; time.len()];
+    let recording = Recording::from_columns("plan", time, position, force)?;
+    Ok(Recording { angle, ..recording })
 }
 
 impl Turning<'_> {

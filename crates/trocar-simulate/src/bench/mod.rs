@@ -315,11 +315,7 @@ pub fn run(
 /// The bench with a seal that resists rotation: as its model says, or alike around the shaft of the
 /// rod and along it.
 pub fn turning(config: &BenchConfig, seal: &[Element]) -> BenchConfig {
-    let slopes = seal.iter().map(|element| {
-        let params = element.params();
-        let limits = params.insertion.static_force + params.withdrawal.static_force;
-        0.5 * limits / params.deformation.half_width()
-    });
+    let slopes = seal.iter().map(|element| element.params().mean_stiffness());
     let alike = Rotation {
         shaft_radius: 0.5 * config.rod.diameter_m,
         circumferential_stiffness: slopes.sum(),
