@@ -134,9 +134,10 @@ class Plan:
     position_m: _Array
     #: Angle of the instrument, rad; None on a rig that does not turn it (``rig.turning_rad_s``).
     angle_rad: Optional[_Array]
-    #: What to expect after it, by the names of the parameters.
+    #: What to expect after it, by the names of the parameters; of rotation, for a seal as stiff and rough around the shaft as
+    #: along it.
     expected: Mapping[str, Prediction]
-    #: The same of the paper's protocol on this rig, and its duration, s; None where the rig cannot make it.
+    #: The same of the paper's protocol on this rig, without rotation, and its duration, s; None where the rig cannot make it.
     paper: Optional[Mapping[str, Prediction]]
     paper_duration_s: Optional[float]
     #: Time after which the precision of the goal is expected, s; None for a goal without one.

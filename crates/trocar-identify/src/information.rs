@@ -27,6 +27,9 @@ use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
 use trocar_simulate::stick_slip::LeftOut;
 
+/// Widest interval of a parameter that counts as determined, as a factor to either side.
+const DETERMINED: f64 = 10.0;
+
 /// Way back that is a reversal, in half widths.
 const REVERSAL: f64 = 0.02;
 
@@ -90,6 +93,8 @@ pub struct Expected {
     pub half_width: f64,
     /// Whether its interval is taken on the logarithm.
     pub on_log: bool,
+    /// Half width, over the scale of the parameter, from which on it is not determined.
+    pub widest: f64,
 }
 
 /// The factor of β and of c. That of F_c and of joins is for what the scatter of strokes does not
@@ -252,7 +257,7 @@ impl Rows {
         self.trial.model()
     }
 
-    /// [`numbers::models_off`] for a `covariance` of the own parameters.
+    /// [`models_off`] for a `covariance` of the own parameters.
     pub(super) fn deviations(&self, covariance: &DMatrix<f64>) -> Vec<(Stages, f64)> {
         models_off(&self.trial, &axes_of(covariance.clone()))
     }
@@ -408,7 +413,8 @@ impl Rows {
         let error = variance.max(0.0).sqrt();
         let half = t_quantile(degrees) * factor_of(id) * error;
         let deviation = unit * beyond_first_order(id) * error;
-        Expected { id, value, deviation, half_width: unit * half, on_log }
+        let widest = if on_log { DETERMINED.ln() } else { 1.0 };
+        Expected { id, value, deviation, half_width: unit * half, on_log, widest }
     }
 
     fn gradient(&self, id: ParameterId, on_log: bool) -> DVector<f64> {

@@ -460,8 +460,8 @@ impl<'a> Fit<'a> {
         all
     }
 
-    /// Covariance of `best` by the jackknife over movements of information `h` in all.
-    fn jackknifed(movements: &[Movement], h: Matrix2<f64>) -> Option<Matrix2<f64>> {
+    /// Variances of `best` by the jackknife over movements of information `h` in all.
+    fn jackknifed(movements: &[Movement], h: Matrix2<f64>) -> Option<[Vector2<f64>; 1]> {
         let left_out: Option<Vec<Vector2<f64>>> = movements
             .iter()
             .map(|(own, score)| (h - own).try_inverse().map(|inverse| inverse * score))
@@ -472,12 +472,12 @@ impl<'a> Fit<'a> {
         let own: Matrix2<f64> = left_out.iter().map(|own| square(own - mean)).sum();
         let scatter = own * ((count - 1.0) / count);
         // Errors that recur in every movement show no scatter; by their size they are seen.
-        Some(scatter.zip_map(&inverse, f64::max))
+        Some([scatter.diagonal().sup(&inverse.diagonal())])
     }
 
-    /// Covariance of `best` with what `noise` does to the forces of a motion without gaps, and friction that
-    /// changes with every reversal; `inverse` is that of the information.
-    fn disturbed(&self, noise: &Noise, inverse: Matrix2<f64>) -> Matrix2<f64> {
+    /// Variances of `best` with what the sensor, the ripple and the friction of strokes along the axis do to
+    /// the forces of a motion without gaps; `inverse` is that of the information.
+    fn disturbed(&self, noise: &Noise, inverse: Matrix2<f64>) -> Vector2<f64> {
         let recording = self.turned[0].recording;
         let (x, force) = (&recording.position, &recording.force);
         let half_width = self.axial.trocar.seal().half_width();
@@ -500,22 +500,22 @@ impl<'a> Fit<'a> {
         }
         friction.end(&mut sum, noise.scatter.powi(2));
         let sum = Matrix2::from_fn(|i, j| sum[(i, j)]);
-        inverse * sum * inverse
+        (inverse * sum * inverse).diagonal()
     }
 
-    /// Standard errors of `best` with a covariance of its own and by the errors of the axial model; and
-    /// their degrees of freedom.
-    fn standard_errors(
+    /// Standard errors of `best`, N times, with variances of its own and by the errors of the axial model;
+    /// and their degrees of freedom.
+    fn standard_errors<const N: usize>(
         &self,
-        covariance: impl Fn(&[Movement], Matrix2<f64>) -> Option<Matrix2<f64>>,
-    ) -> [(f64, f64); 2] {
+        variances: impl Fn(&[Movement], Matrix2<f64>) -> Option<[Vector2<f64>; N]>,
+    ) -> [([f64; N], f64); 2] {
         let movements = self.movements();
         let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
         let inverse = h.try_inverse();
-        let variance = covariance(&movements, h).zip(inverse).map(|(own, inverse)| {
+        let variances = variances(&movements, h).zip(inverse).map(|(own, inverse)| {
             let shift = |slope: Vec<f64>| square(inverse * normal(&self.slopes, slope).1);
             let axial: Matrix2<f64> = self.axial_errors().map(shift).sum();
-            (own + axial).diagonal()
+            own.map(|own| own + axial.diagonal())
         });
         [0, 1].map(|i| {
             // Student's t of the movements that tell of it, as if they told alike (CARTER).
@@ -523,8 +523,8 @@ impl<'a> Fit<'a> {
                 inverse.map_or(0.0, |inverse| (inverse.row(i) * own * inverse.column(i))[0])
             });
             let (sum, squares) = shares.fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
-            let error = variance.map_or(f64::INFINITY, |variance| variance[i].sqrt());
-            (error, sum * sum / squares - 1.0)
+            let errors = variances.map_or([f64::INFINITY; N], |all| all.map(|own| own[i].sqrt()));
+            (errors, sum * sum / squares - 1.0)
         })
     }
 
@@ -533,8 +533,11 @@ impl<'a> Fit<'a> {
         let errors = self.standard_errors(Self::jackknifed);
         [0, 1].map(|i| {
             let (unit, value) = (QUANTITIES[i].declaration().unit.si, self.best[i].exp());
-            let half = half_width(errors[i]);
-            if half.is_infinite() {
+            let ([error], degrees) = errors[i];
+            let half = t_quantile(degrees) * error;
+            // NaN where no movement tells of it.
+            let is_determined = half < DETERMINED.ln();
+            if !is_determined {
                 return Estimate::undetermined(
                     value,
                     unit,
@@ -559,10 +562,10 @@ impl<'a> Fit<'a> {
 
 impl Rows {
     /// The errors to expect of k_t and F_t/F_c of a seal with `rotation`, from the forces of a motion in
-    /// which the instrument turns, behind that of these rows with their `covariance`. Of its readings
-    /// none matters.
+    /// which the instrument turns, after the motion of these rows with their `covariance`. None of its
+    /// readings matters.
     ///
-    /// Returns `None` where the motion does not turn.
+    /// Returns `None` where the motion does not turn or has gaps, or the seal is no model.
     pub fn expected_around(
         &self,
         noise: &Noise,
@@ -570,10 +573,13 @@ impl Rows {
         rotation: Rotation,
         mut turning: Recording,
     ) -> Option<[Expected; 2]> {
-        turning.angle.as_ref()?;
+        if turning.angle.is_none() || turning.unbroken().count() != 1 {
+            return None;
+        }
         let trocar = Trocar::new(self.stages()?, None);
         let truth = trocar.with_rotation(Some(rotation)).ok()?;
         turning.force = replay(&truth, &turning, 0.0).force;
+        turning.torque = None;
         let deviations = self.deviations(covariance);
         let scatter = scatter(noise.scatter, noise.drift);
         let axial = Axial { trocar, offset: 0.0, scatter, deviations: &deviations };
@@ -582,24 +588,24 @@ impl Rows {
         let force = noise.independent(&turning);
         let recordings = [turning];
         let fit = Fit::at(axial, &recordings, best, shaft_radius, force).linearised();
-        let disturbed = |h: Matrix2<f64>| h.try_inverse().map(|own| fit.disturbed(noise, own));
-        let errors = fit.standard_errors(|_, h| disturbed(h));
-        // The interval is as wide as the errors of the readings let expect, too.
-        let widest = |h: Matrix2<f64>| Some(disturbed(h)?.zip_map(&h.try_inverse()?, f64::max));
-        let of_intervals = fit.standard_errors(|_, h| widest(h));
+        let errors = fit.standard_errors(|_, h| {
+            let inverse = h.try_inverse()?;
+            let disturbed = fit.disturbed(noise, inverse);
+            // identify takes the larger of the scatter and of the size of the errors.
+            Some([disturbed, disturbed.sup(&inverse.diagonal())])
+        });
         Some([0, 1].map(|i| {
-            let (value, half) = (best[i].exp(), half_width(of_intervals[i]));
-            let (deviation, half_width) = (value * errors[i].0, value * half);
-            Expected { id: QUANTITIES[i].id(), value, deviation, half_width, on_log: true }
+            let (value, ([error, of_interval], degrees)) = (best[i].exp(), errors[i]);
+            Expected {
+                id: QUANTITIES[i].id(),
+                value,
+                deviation: value * error,
+                half_width: value * t_quantile(degrees) * of_interval,
+                on_log: true,
+                widest: DETERMINED.ln(),
+            }
         }))
     }
-}
-
-/// Half width of the interval on the logarithm; infinite where the number is not determined.
-fn half_width((error, degrees): (f64, f64)) -> f64 {
-    // NaN where no movement tells of it.
-    let half = t_quantile(degrees) * error;
-    if half < DETERMINED.ln() { half } else { f64::INFINITY }
 }
 
 fn square(off: Vector2<f64>) -> Matrix2<f64> {

@@ -185,7 +185,7 @@ impl Parameters for ElementParams {
 }
 
 impl ElementParams {
-    /// (F_s⁺ + F_s⁻)/(2c), N/m: the slope of the way from straight to sliding, the mean of both directions.
+    /// (F_s⁺ + F_s⁻)/(2c), N/m: the slope of the chord between the sliding ends.
     pub fn mean_stiffness(&self) -> f64 {
         let limits = self.insertion.static_force + self.withdrawal.static_force;
         0.5 * limits / self.deformation.half_width()

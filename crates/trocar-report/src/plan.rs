@@ -61,15 +61,8 @@ fn subtitle(input: &PlanReport) -> String {
     format!("Motion for {}, {seals}", input.goal)
 }
 
-/// Parameters of tables, without the coefficients of the branches.
-fn main_ones(all: &[Prediction]) -> impl Iterator<Item = (usize, &Prediction)> {
-    let all = all.iter().enumerate();
-    all.filter(|(_, p)| !matches!(p.id.quantity, Quantity::Coefficient { .. }))
-}
-
 fn warning(input: &PlanReport) -> Option<String> {
-    let lost = main_ones(&input.plan.expected).filter(|(_, p)| !p.determined);
-    let lost: Vec<String> = lost.map(|(_, p)| name_of(p.id)).collect();
+    let lost: Vec<String> = input.plan.undetermined().map(|p| name_of(p.id)).collect();
     (!lost.is_empty()).then(|| {
         format!(
             "This motion will not determine: {}. More time, a longer travel or a finer encoder may help.",
@@ -145,7 +138,8 @@ fn expected(input: &PlanReport) -> Section {
     let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)", "Worst seal"];
     let columns = columns.into_iter().chain(head.as_deref()).chain([time.as_str()]);
     let caption = "Half widths of the 95 % intervals to expect: medians over the seals";
-    let table = main_ones(&plan.expected).fold(Table::new(caption, columns), |table, (k, p)| {
+    let listed = plan.expected.iter().filter(|p| !p.is_coefficient());
+    let table = listed.fold(Table::new(caption, columns), |table, p| {
         let Unit { scale, shown, .. } = p.id.unit();
         let scaled = |value: f64| Cell::number(scale * value, 3);
         let relative = p.relative_half_width.map_or(f64::NAN, |r| 1e2 * r);
@@ -157,8 +151,9 @@ fn expected(input: &PlanReport) -> Section {
             Cell::number(relative, 3),
             scaled(p.largest_half_width),
         ];
-        let of_paper =
-            |paper: &[Prediction]| paper.get(k).map_or("–".into(), |p| scaled(p.half_width));
+        let of_paper = |paper: &[Prediction]| {
+            p.among(paper).map_or("–".into(), |own| scaled(own.half_width))
+        };
         row.extend(paper.map(|(_, paper)| of_paper(paper)));
         row.push(match plan.time_for(p, PRECISION).map(|time| time - plan.duration_s()) {
             Some(more) if more > 0.0 => Cell::number(more, 3),

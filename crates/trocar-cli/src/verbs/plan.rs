@@ -211,13 +211,14 @@ fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
     let paper = answer.paper_duration_s.map(|s| format!("paper's protocol, {s:.0} s"));
     let heads = ["parameter", "value", "this motion", "of the value"];
     let mut table = Table::headed(heads.into_iter().chain(paper.as_deref()).chain(["unit"]));
-    for (k, p) in answer.expected.iter().enumerate().filter(|(_, p)| !p.is_coefficient()) {
+    for p in answer.expected.iter().filter(|p| !p.is_coefficient()) {
         let Unit { scale, shown, .. } = p.id.unit();
         let value = |value: f64| number(scale * value);
         let mut row = vec![in_words(p.id), value(p.value), value(p.half_width)];
         row.push(p.relative_half_width.map_or("-".to_owned(), |r| number(1e2 * r) + " %"));
-        let of_paper =
-            |paper: &[Prediction]| paper.get(k).map_or("-".to_owned(), |p| value(p.half_width));
+        let of_paper = |paper: &[Prediction]| {
+            p.among(paper).map_or("-".to_owned(), |own| value(own.half_width))
+        };
         row.extend(answer.paper_expected.map(of_paper));
         row.push(shown.to_owned());
         table.row(row);

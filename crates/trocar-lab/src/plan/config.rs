@@ -165,7 +165,7 @@ impl Rig {
         self.lowest_m + 0.02 * self.travel_m()
     }
 
-    /// That of a seal as stiff and rough around the shaft as along it.
+    /// The rotation of a seal as stiff and rough around the shaft as along it.
     pub(super) fn rotation(&self, seal: &ElementParams) -> Rotation {
         Rotation {
             shaft_radius: 0.5 * self.shaft_diameter_m,

@@ -115,7 +115,7 @@ pub struct Prediction {
     pub largest_half_width: f64,
     /// The half width relative to the value: the median; none where the value is 0.
     pub relative_half_width: Option<f64>,
-    /// Whether it is determined: the interval is within a factor of 10, or narrower than the scale of the
+    /// Whether it is determined: the interval is within a factor of 10 (1.5 for rotation), or narrower than the scale of the
     /// parameter (F_c, c or the value), and the encoder resolves it.
     pub determined: bool,
 }
@@ -148,7 +148,8 @@ pub struct Plan {
     pub segments: Vec<Segment>,
     /// The same by kind.
     pub shares: Vec<Share>,
-    /// What to expect after it.
+    /// What to expect after it: along the axis from the motion before the instrument turns, around the shaft
+    /// from the forces while it does, of a seal as stiff and rough around it as along it.
     pub expected: Vec<Prediction>,
     /// What to expect of the paper's protocol (EMS IV-A) on this rig, with its duration, s; none where the
     /// rig cannot make it.
@@ -157,9 +158,7 @@ pub struct Plan {
     pub before_s: f64,
     /// Time after which the goal is expected to be reached, s; none without a wanted precision.
     pub needed_s: Option<f64>,
-    /// When the instrument begins to turn, s; none on a rig that does not turn it. What is expected along
-    /// the axis is that of the motion before; around the shaft, that of a seal as stiff and rough as along
-    /// it, from its forces.
+    /// When the instrument begins to turn, s; none on a rig that does not turn it.
     pub turning_from_s: Option<f64>,
 }
 
@@ -293,7 +292,7 @@ pub fn predicted(
     Ok(all.into_iter().next().unwrap_or_default())
 }
 
-/// The same for each of `courses`; behind the first the instrument turns as in `turning`.
+/// The same for each of `courses`; after the first the instrument turns as in `turning`.
 fn predictions(
     config: &PlanConfig,
     seals: &[ElementParams],
@@ -362,9 +361,7 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Pr
         half_width: median(&|e| e.half_width),
         largest_half_width: largest,
         relative_half_width: relative,
-        determined: is_resolved
-            && median(&|e| e.half_width / scale(e, all))
-                < if one.on_log { 10f64.ln() } else { 1.0 },
+        determined: is_resolved && median(&|e| e.half_width / scale(e, all)) < one.widest,
     }
 }
 

@@ -49,6 +49,11 @@ impl Plan {
 }
 
 impl Prediction {
+    /// That of the same parameter.
+    pub fn among<'a>(&self, others: &'a [Prediction]) -> Option<&'a Prediction> {
+        others.iter().find(|own| own.id == self.id)
+    }
+
     /// Whether it is a parameter of rotation.
     pub fn is_around(&self) -> bool {
         matches!(
