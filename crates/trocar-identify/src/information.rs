@@ -19,16 +19,13 @@ use super::element::{MOST_CLUSTERS, drift_basis};
 use super::estimate::t_quantile;
 use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, models_off, quantities};
-use super::spread::{Dependent, PRIOR_WIDTH, axes_of};
+use super::spread::{Dependent, PRIOR_WIDTH, WORST_FACTOR, axes_of};
 use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
 use trocar_recording::loads::UNLOADED;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
 use trocar_simulate::stick_slip::LeftOut;
-
-/// Widest interval of a parameter that counts as determined, as a factor to either side.
-const DETERMINED: f64 = 10.0;
 
 /// Way back that is a reversal, in half widths.
 const REVERSAL: f64 = 0.02;
@@ -413,7 +410,7 @@ impl Rows {
         let error = variance.max(0.0).sqrt();
         let half = t_quantile(degrees) * factor_of(id) * error;
         let deviation = unit * beyond_first_order(id) * error;
-        let widest = if on_log { DETERMINED.ln() } else { 1.0 };
+        let widest = if on_log { WORST_FACTOR.ln() } else { 1.0 };
         Expected { id, value, deviation, half_width: unit * half, on_log, widest }
     }
 

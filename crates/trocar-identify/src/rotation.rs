@@ -460,13 +460,16 @@ impl<'a> Fit<'a> {
         all
     }
 
-    /// Variances of `best` by the jackknife over movements of information `h` in all.
-    fn jackknifed(movements: &[Movement], h: Matrix2<f64>) -> Option<[Vector2<f64>; 1]> {
+    /// Variances of `best` by the jackknife over movements; `inverse` is that of their information `h`.
+    fn jackknifed(
+        movements: &[Movement],
+        [h, inverse]: [Matrix2<f64>; 2],
+    ) -> Option<[Vector2<f64>; 1]> {
         let left_out: Option<Vec<Vector2<f64>>> = movements
             .iter()
             .map(|(own, score)| (h - own).try_inverse().map(|inverse| inverse * score))
             .collect();
-        let (left_out, inverse) = left_out.zip(h.try_inverse())?;
+        let left_out = left_out?;
         let count = left_out.len() as f64;
         let mean = left_out.iter().sum::<Vector2<f64>>() / count;
         let own: Matrix2<f64> = left_out.iter().map(|own| square(own - mean)).sum();
@@ -503,19 +506,20 @@ impl<'a> Fit<'a> {
         (inverse * sum * inverse).diagonal()
     }
 
-    /// Standard errors of `best`, N times, with variances of its own and by the errors of the axial model;
-    /// and their degrees of freedom.
+    /// Standard errors of `best`, N times, with variances of its own, from the movements and their
+    /// information and its inverse, and by the errors of the axial model; and their degrees of freedom.
     fn standard_errors<const N: usize>(
         &self,
-        variances: impl Fn(&[Movement], Matrix2<f64>) -> Option<[Vector2<f64>; N]>,
+        variances: impl Fn(&[Movement], [Matrix2<f64>; 2]) -> Option<[Vector2<f64>; N]>,
     ) -> [([f64; N], f64); 2] {
         let movements = self.movements();
         let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
         let inverse = h.try_inverse();
-        let variances = variances(&movements, h).zip(inverse).map(|(own, inverse)| {
+        let variances = inverse.and_then(|inverse| {
+            let own = variances(&movements, [h, inverse])?;
             let shift = |slope: Vec<f64>| square(inverse * normal(&self.slopes, slope).1);
             let axial: Matrix2<f64> = self.axial_errors().map(shift).sum();
-            own.map(|own| own + axial.diagonal())
+            Some(own.map(|own| own + axial.diagonal()))
         });
         [0, 1].map(|i| {
             // Student's t of the movements that tell of it, as if they told alike (CARTER).
@@ -588,8 +592,7 @@ impl Rows {
         let force = noise.independent(&turning);
         let recordings = [turning];
         let fit = Fit::at(axial, &recordings, best, shaft_radius, force).linearised();
-        let errors = fit.standard_errors(|_, h| {
-            let inverse = h.try_inverse()?;
+        let errors = fit.standard_errors(|_, [_, inverse]| {
             let disturbed = fit.disturbed(noise, inverse);
             // identify takes the larger of the scatter and of the size of the errors.
             Some([disturbed, disturbed.sup(&inverse.diagonal())])

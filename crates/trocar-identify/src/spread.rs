@@ -9,7 +9,7 @@ use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
 /// magnitude of a logarithm, ten times the sliding force.
 pub(super) const PRIOR_WIDTH: f64 = 1e5;
 /// A parameter whose interval exceeds this factor in either direction counts as not determined.
-const WORST_FACTOR: f64 = 10.0;
+pub(super) const WORST_FACTOR: f64 = 10.0;
 /// So does one whose interval exceeds both its value and its scale by this factor.
 const WORST_RATIO: f64 = 10.0;
 
