@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trocar_model::{Element, ElementParams, ParamError, Rotation, Trocar};
+use trocar_model::{Element, ElementParams, ParamError, Trocar};
 
 use crate::teleop::scaled;
 use trocar_identify::Noise;
@@ -163,15 +163,6 @@ impl Rig {
     /// Where a motion begins, m.
     pub(super) fn begin_m(&self) -> f64 {
         self.lowest_m + 0.02 * self.travel_m()
-    }
-
-    /// The rotation of a seal as stiff and rough around the shaft as along it.
-    pub(super) fn rotation(&self, seal: &ElementParams) -> Rotation {
-        Rotation {
-            shaft_radius: 0.5 * self.shaft_diameter_m,
-            circumferential_stiffness: seal.mean_stiffness(),
-            circumferential_ratio: 1.0,
-        }
     }
 
     /// Fastest speed around the shaft at its surface, m/s; 0 where the rig does not turn.

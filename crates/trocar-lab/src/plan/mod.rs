@@ -28,7 +28,7 @@ use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Stages, Uni
 
 use trocar_identify::{Expected, Motion, Progress, Rows};
 use trocar_recording::{Recording, RecordingError};
-use trocar_simulate::bench::Course;
+use trocar_simulate::bench::{Course, alike};
 use trocar_simulate::cancel;
 use trocar_simulate::many::evenly;
 
@@ -316,7 +316,7 @@ fn predictions(
             let known = rows.covariance_expected(&config.noise).ok_or(PlanError::Singular)?;
             let mut expected = rows.expected(&known);
             if let Some(turning) = turning {
-                let rotation = config.rig.rotation(seal);
+                let rotation = alike(0.5 * config.rig.shaft_diameter_m, [seal]);
                 let around = rows.expected_around(&config.noise, &known, rotation, turning.clone());
                 expected.extend(around.into_iter().flatten());
             }

@@ -45,7 +45,7 @@ use core::fmt;
 use core::str::FromStr;
 
 use thiserror::Error;
-use trocar_model::{Element, Rotation};
+use trocar_model::{Element, ElementParams, Rotation};
 
 use trocar_recording::loads::Recorded;
 use trocar_recording::{Readings, Recording, RecordingError};
@@ -315,13 +315,21 @@ pub fn run(
 /// The bench with a seal that resists rotation: as its model says, or alike around the shaft of the
 /// rod and along it.
 pub fn turning(config: &BenchConfig, seal: &[Element]) -> BenchConfig {
-    let slopes = seal.iter().map(|element| element.params().mean_stiffness());
-    let alike = Rotation {
-        shaft_radius: 0.5 * config.rod.diameter_m,
-        circumferential_stiffness: slopes.sum(),
-        circumferential_ratio: 1.0,
-    };
+    let alike = alike(0.5 * config.rod.diameter_m, seal.iter().map(Element::params));
     BenchConfig { rotation: Some(config.rotation.unwrap_or(alike)), ..config.clone() }
+}
+
+/// Rotation of a seal of `elements` that is as stiff and rough around a shaft of `shaft_radius`, m, as along it.
+pub fn alike<'a>(
+    shaft_radius: f64,
+    elements: impl IntoIterator<Item = &'a ElementParams>,
+) -> Rotation {
+    let stiffnesses = elements.into_iter().map(ElementParams::mean_stiffness);
+    Rotation {
+        shaft_radius,
+        circumferential_stiffness: stiffnesses.sum(),
+        circumferential_ratio: 1.0,
+    }
 }
 
 /// Most samples of the recording that `protocol` gives, known before it is made.
