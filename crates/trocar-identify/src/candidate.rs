@@ -2,8 +2,9 @@
 
 use nalgebra::DMatrix;
 use rand::{Rng, RngExt};
+use rayon::prelude::*;
 use trocar_model::{
-    BESIDE, Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction,
+    BESIDE, Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction, Lead,
     MAX_ARMS, Ordinate, ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping,
     SlidingFriction, Stages, StagesState,
 };
@@ -765,31 +766,81 @@ fn companies<'a>(models: &'a [Stages], states: &[StagesState]) -> Vec<(Beside<'a
     all
 }
 
+/// Steps over which a model leads at a time: its parts stay in the cache of a core.
+const AHEAD: usize = 512;
+
 /// Forces of models that differ little from the first, which leads, N: a row for each.
 fn led(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> DMatrix<f64> {
     let mut forces = DMatrix::zeros(models.len(), steps.len());
     let (mut beside, places): (Vec<Beside>, Vec<Vec<usize>>) =
         companies(models, states).into_iter().unzip();
-    let mut led = states[0];
+    let mut leading = states[0];
     let mut before: Vec<f64> = states.iter().map(Stages::force).collect();
-    let mut after = before.clone();
-    for (step, mut forces) in steps.iter().zip(forces.column_iter_mut()) {
-        let first = models[0].step_beside(&mut led, &mut beside, step.displacement, step.duration);
-        after.fill(first);
-        for (beside, places) in beside.iter().zip(&places) {
-            places.iter().zip(beside.forces()).for_each(|(k, more)| after[*k] += more);
+    for (block, steps) in steps.chunks(AHEAD).enumerate() {
+        let mut forces = forces.columns_mut(block * AHEAD, steps.len());
+        let led = Led::by(&models[0], &mut leading, steps);
+        for (mut after, force) in forces.column_iter_mut().zip(&led.forces) {
+            after.fill(*force);
         }
-        for ((force, before), after) in forces.iter_mut().zip(&mut before).zip(&after) {
-            *force = step.at_centre(*before, *after);
-            *before = *after;
+        let apart: Vec<Vec<[f64; BESIDE]>> =
+            beside.par_iter_mut().map(|own| followed(&led, own)).collect();
+        for (apart, places) in apart.iter().zip(&places) {
+            for (mut after, apart) in forces.column_iter_mut().zip(apart) {
+                places.iter().zip(apart).for_each(|(k, more)| after[*k] += more);
+            }
+        }
+        for (mut forces, step) in forces.column_iter_mut().zip(steps) {
+            for (force, before) in forces.iter_mut().zip(&mut before) {
+                let after = std::mem::replace(force, step.at_centre(*before, *force));
+                *before = after;
+            }
         }
     }
     for state in &mut states[1..] {
-        *state = led;
+        *state = leading;
     }
     for (beside, places) in beside.iter().zip(&places) {
-        places.iter().enumerate().for_each(|(i, k)| beside.put_state(i, &led, &mut states[*k]));
+        places.iter().enumerate().for_each(|(i, k)| beside.put_state(i, &leading, &mut states[*k]));
     }
-    states[0] = led;
+    states[0] = leading;
     forces
+}
+
+/// The steps of a model that leads.
+struct Led<'a> {
+    parts: Vec<Lead<'a>>,
+    /// Number of parts up to the end of each step.
+    ends: Vec<usize>,
+    /// After each step, N.
+    forces: Vec<f64>,
+}
+
+impl<'a> Led<'a> {
+    fn by(model: &'a Stages, state: &mut StagesState, steps: &[Step]) -> Self {
+        // A step of the usual length has one part, or two.
+        let mut parts = Vec::with_capacity(2 * steps.len());
+        let mut ends = Vec::with_capacity(steps.len());
+        let mut of = |step: &Step| {
+            let keep = |part| parts.push(part);
+            let force = model.lead(state, step.displacement, step.duration, keep);
+            ends.push(parts.len());
+            force
+        };
+        let forces = steps.iter().map(&mut of).collect();
+        Self { parts, ends, forces }
+    }
+}
+
+/// By how much the forces of models beside one that leads exceed its own after each step, N.
+fn followed(led: &Led, beside: &mut Beside) -> Vec<[f64; BESIDE]> {
+    let mut all = Vec::with_capacity(led.ends.len());
+    let mut from = 0;
+    for end in &led.ends {
+        for part in &led.parts[from..*end] {
+            beside.follow(part);
+        }
+        from = *end;
+        all.push(*beside.forces());
+    }
+    all
 }

@@ -125,5 +125,5 @@ pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use rotation::{Around, Rotation, Turning};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
-pub use slip::beside::{BESIDE, Beside, Ordinate};
+pub use slip::beside::{BESIDE, Beside, Lead, Ordinate};
 pub use tuning::Tunable;

@@ -3,7 +3,7 @@
 use crate::ems::{Element, State};
 use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
-use crate::slip::beside::{Beside, Ordinate};
+use crate::slip::beside::{Beside, Lead, Ordinate};
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of
 /// the forces (N).
@@ -140,10 +140,22 @@ impl Stages {
         displacement: f64,
         duration: f64,
     ) -> f64 {
+        self.lead(state, displacement, duration, |lead| {
+            beside.iter_mut().for_each(|own| own.follow(&lead));
+        })
+    }
+
+    /// As [`Friction::step`]; `part` is given each part of it, which those beside may follow later
+    /// ([`Beside::follow`]), all in the same order.
+    pub fn lead<'a>(
+        &'a self,
+        state: &mut StagesState,
+        displacement: f64,
+        duration: f64,
+        mut part: impl FnMut(Lead<'a>),
+    ) -> f64 {
         for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
-            element.lead(led, displacement, duration, |lead| {
-                beside.iter_mut().filter(|own| own.stage == k).for_each(|own| lead.take(own));
-            });
+            element.lead(k, led, (displacement, duration), &mut part);
         }
         Self::force(state)
     }
@@ -171,7 +183,9 @@ impl Stages {
     ) -> f64 {
         for (k, (element, own)) in self.elements().iter().zip(&mut state.states).enumerate() {
             if k == 0 {
-                element.lead(own, displacement, duration, |lead| lead.take_ordinates(ordinates));
+                element.lead(k, own, (displacement, duration), |lead| {
+                    lead.take_ordinates(ordinates);
+                });
             } else {
                 element.step(own, displacement, duration);
             }

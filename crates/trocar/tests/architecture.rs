@@ -108,6 +108,7 @@ fn models_are_stepped_in_known_places() {
         "seal().step(",
         "step_parallel(",
         "step_beside(",
+        "model.lead(",
         "model.step(",
     ];
     let allowed = [

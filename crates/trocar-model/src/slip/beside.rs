@@ -250,6 +250,14 @@ impl<'a> Beside<'a> {
         &self.apart.force
     }
 
+    /// Takes the same part of a step as the leader; one of another stage than its own is none.
+    #[inline(always)]
+    pub fn follow(&mut self, lead: &Lead) {
+        if lead.stage == self.stage {
+            lead.take(self);
+        }
+    }
+
     /// State of element `i`, where the leader is in `led`.
     pub(crate) fn state(&self, i: usize, led: &State) -> State {
         self.apart.state(i, led)
@@ -324,8 +332,10 @@ impl Apart<1> {
     }
 }
 
-/// One part of a leader's step.
-pub(crate) struct Lead<'a> {
+/// One part of a leader's step, for those beside it; see [`Stages::lead`](crate::Stages::lead).
+pub struct Lead<'a> {
+    /// Place of the leader among its stages.
+    pub(crate) stage: usize,
     leader: &'a Element,
     before: State,
     after: State,
@@ -413,13 +423,14 @@ struct LagSlopes {
 }
 
 impl Element {
-    /// As [`Element::step`], part by part: after each `follow` may take others along.
-    pub(crate) fn lead(
-        &self,
+    /// As [`Element::step`], part by part: after each `follow` may take others along. The element is
+    /// `stage` of a seal.
+    pub(crate) fn lead<'a>(
+        &'a self,
+        stage: usize,
         state: &mut State,
-        displacement: f64,
-        duration: f64,
-        mut follow: impl FnMut(&Lead),
+        (displacement, duration): (f64, f64),
+        mut follow: impl FnMut(Lead<'a>),
     ) {
         let Some(velocity) = velocity(displacement, duration) else { return };
         let mut part = |time: f64| {
@@ -431,7 +442,7 @@ impl Element {
             } else {
                 self.advance_on_course(state, motion)
             };
-            follow(&Lead { leader: self, before, after: *state, motion, course });
+            follow(Lead { stage, leader: self, before, after: *state, motion, course });
         };
         if self.confined { part(duration) } else { self.each_part(velocity, duration, part) }
     }
@@ -617,14 +628,16 @@ impl At {
         })
     }
 
-    /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N.
+    /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N, and the
+    /// parameters `by` that.
     #[inline(always)]
     fn contact_apart<const N: usize>(
         &self,
         creep_velocity: &Each<N>,
-        by: &SlidingDifference<N>,
+        by: Option<&SlidingDifference<N>>,
         rise: &Each<N>,
     ) -> Each<N> {
+        let Some(by) = by else { return each(|i| self.part * (self.surplus * rise[i])) };
         each(|i| {
             let level = by.coulomb_force[i]
                 + self.rise * (by.static_force[i] - by.coulomb_force[i])
@@ -695,17 +708,18 @@ impl Deforming {
 impl Lead<'_> {
     /// The same part for those beside the leader.
     #[inline(always)]
-    pub(crate) fn take(&self, beside: &mut Beside) {
+    fn take(&self, beside: &mut Beside) {
         let Beside { elements, different, apart, .. } = beside;
-        let course = self.course.as_ref().filter(|_| !different.is_another);
-        let followed = course.and_then(|course| {
+        if let Some(course) = &self.course
+            && !different.is_another
+        {
             let more = course.deforming.more(&self.leader.params.deformation, different);
-            self.follow(course, different, &more, apart)
-        });
-        match followed {
-            Some(next) => *apart = next,
-            None => self.alone(elements, apart),
+            if let Some(next) = self.follow(course, different, &more, apart) {
+                *apart = next;
+                return;
+            }
         }
+        self.alone(elements, apart);
     }
 
     /// The same part for an element of which one ordinate differs.
@@ -769,10 +783,6 @@ impl Lead<'_> {
         let contact = different.contact.as_ref();
         let by = contact.map(|c| &c.sliding[usize::from(*direction == Direction::Insertion)]);
         let creep = contact.map_or([0.0; N], |contact| contact.creep_velocity);
-        let force_at = |at: &At, rise: &Each<N>| match by {
-            Some(by) => at.contact_apart(&creep, by, rise),
-            None => each(|i| at.part * (at.surplus * rise[i])),
-        };
         let curve = by.map_or([0.0; N], |by| start.curve_apart(by));
         let speed: Each<N> = if slide.is_damped || different.damping.is_some() {
             if *start_drag <= 0.0 {
@@ -780,7 +790,7 @@ impl Lead<'_> {
             }
             let rise = if lag.is_lagged { &apart.rise } else { &curve };
             let damping = different.damping_force(start.deformation_velocity);
-            let contact = force_at(start, rise);
+            let contact = start.contact_apart(&creep, by, rise);
             each(|i| (s * (apart.elastic[i] + damping[i]) - contact[i]) / start_drag)
         } else {
             // The last step ended with the sliding force of the last slip speed.
@@ -800,7 +810,7 @@ impl Lead<'_> {
                 + lag.now * end_curve[i]
         });
         let damping = different.damping_force(end.deformation_velocity);
-        let contact = force_at(end, &rise);
+        let contact = end.contact_apart(&creep, by, &rise);
         let speed: Each<N> = each(|i| (s * (next.elastic[i] + damping[i]) - contact[i]) / end_drag);
         let shift: Each<N> = each(|i| -slide.implicit * speed[i]);
         next.deflection = each(|i| next.deflection[i] + shift[i]);
