@@ -240,6 +240,9 @@ struct Turned<'a> {
     /// The stroke and the movement, along the axis or around it, of every sample.
     strokes: Vec<usize>,
     movements: Vec<usize>,
+    /// Samples whose force does not depend on the unknown start. What the errors of two models are
+    /// compared over must not depend on them.
+    known: Vec<usize>,
 }
 
 impl<'a> Turned<'a> {
@@ -259,13 +262,12 @@ impl<'a> Turned<'a> {
         };
         let movements = both.scan(first_movement, sum).collect();
         let strokes = along.iter().copied().scan(0, sum).collect();
-        Self { recording, strokes, movements }
+        Self { recording, strokes, movements, known: Vec::new() }
     }
 
-    /// Errors of a model that gives `forces` and `torques` at `known` samples. Each stroke has a
-    /// friction scale of its own, the recording has one and offsets; all are the likeliest by their
-    /// priors, in closed form.
-    fn errors(&self, known: &[usize], model: [&[f64]; 2], how: &Level) -> Vec<Error> {
+    /// Errors of a model that gives these forces and torques. Each stroke has a friction scale of its
+    /// own, the recording has one and offsets; all are the likeliest by their priors, in closed form.
+    fn errors(&self, model: [&[f64]; 2], how: &Level) -> Vec<Error> {
         let count = self.strokes.last().map_or(0, |last| last + 1);
         let (of_recording, offsets) = (count, [count + 1, count + 2]);
         let (mut h, mut g) =
@@ -287,7 +289,7 @@ impl<'a> Turned<'a> {
             [(self.strokes[k], m), (of_recording, m), (offsets[channel], weight)]
         };
         for (channel, readings) in channels() {
-            for k in known {
+            for k in &self.known {
                 let row = row(channel, *k);
                 for (i, a) in row {
                     g[i] += a * readings[*k] / how.noise[channel];
@@ -296,9 +298,9 @@ impl<'a> Turned<'a> {
             }
         }
         let own = h.cholesky().map_or(g.clone(), |factor| factor.solve(&g));
-        let mut errors = Vec::with_capacity(2 * known.len() + priors.len());
+        let mut errors = Vec::with_capacity(2 * self.known.len() + priors.len());
         for (channel, readings) in channels() {
-            errors.extend(known.iter().map(|k| {
+            errors.extend(self.known.iter().map(|k| {
                 let fitted: f64 = row(channel, *k).iter().map(|(j, a)| a * own[*j]).sum();
                 let value = readings[*k] / how.noise[channel] - fitted;
                 Error { value, channel: Some(channel), movement: self.movements[*k] }
@@ -335,9 +337,12 @@ impl<'a> Fit<'a> {
         let sum = |factor: &f64| squares(&own.errors([(factor * slope).ln(), 0.0]));
         let starts = STARTS.iter().map(|factor| (factor, sum(factor)));
         let (start, _) = starts.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((&1.0, 0.0));
-        own.best = own.descend([(start * slope).ln(), 0.0]);
-        for _ in 1..PASSES {
-            own.noise = own.noise_found(&own.errors(own.best));
+        own.best = [(start * slope).ln(), 0.0];
+        for pass in 0..PASSES {
+            own.know();
+            if pass > 0 {
+                own.noise = own.noise_found(&own.errors(own.best));
+            }
             own.best = own.descend(own.best);
         }
         Ok(own.linearised())
@@ -358,7 +363,22 @@ impl<'a> Fit<'a> {
             turned.push(Turned::new(recording, radius, first));
         }
         let (noise, errors, slopes) = ([force, radius * force], Vec::new(), Default::default());
-        Self { axial, turned, radius, noise, best, errors, slopes }
+        let mut own = Self { axial, turned, radius, noise, best, errors, slopes };
+        own.know();
+        own
+    }
+
+    /// Finds the samples that are known with the seal at `best`.
+    fn know(&mut self) {
+        let (trocar, offset) = (self.turning(self.axial.trocar, self.best), self.axial.offset);
+        self.turned.par_iter_mut().for_each(|own| {
+            own.known =
+                replay(&trocar, own.recording, offset).known.into_iter().flatten().collect();
+        });
+    }
+
+    fn turning<'k>(&self, trocar: Trocar<&'k [f64]>, at: [f64; 2]) -> Trocar<&'k [f64]> {
+        trocar.with_rotation(Some(self.rotation(at))).unwrap_or(trocar)
     }
 
     fn linearised(mut self) -> Self {
@@ -398,13 +418,12 @@ impl<'a> Fit<'a> {
     }
 
     fn errors_of(&self, trocar: Trocar<&[f64]>, at: [f64; 2]) -> Vec<Error> {
-        let trocar = trocar.with_rotation(Some(self.rotation(at))).unwrap_or(trocar);
+        let trocar = self.turning(trocar, at);
         let Axial { offset, scatter, .. } = self.axial;
         let how = Level { noise: self.noise, scatter, offset };
         let of = |own: &Turned| {
             let model = replay(&trocar, own.recording, offset);
-            let known: Vec<usize> = model.known.into_iter().flatten().collect();
-            own.errors(&known, [&model.force, &model.torque], &how)
+            own.errors([&model.force, &model.torque], &how)
         };
         self.turned.par_iter().flat_map_iter(of).collect()
     }
