@@ -12,7 +12,7 @@ use trocar_model::{
 use trocar_recording::loads::{ByLoad, Load, Loads};
 
 use super::kept::Kept;
-use super::likelihood::{Column, Free, Trial, each_alone, with_rows};
+use super::likelihood::{BLOCK, Column, Free, Trial, each_alone, with_rows};
 use super::load::{OfLoad, load_of, of_load};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
@@ -766,9 +766,6 @@ fn companies<'a>(models: &'a [Stages], states: &[StagesState]) -> Vec<(Beside<'a
     all
 }
 
-/// Steps over which a model leads at a time: its parts stay in the cache of a core.
-const AHEAD: usize = 512;
-
 /// Forces of models that differ little from the first, which leads, N: a row for each.
 fn led(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> DMatrix<f64> {
     let mut forces = DMatrix::zeros(models.len(), steps.len());
@@ -776,8 +773,8 @@ fn led(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> DMatrix
         companies(models, states).into_iter().unzip();
     let mut leading = states[0];
     let mut before: Vec<f64> = states.iter().map(Stages::force).collect();
-    for (block, steps) in steps.chunks(AHEAD).enumerate() {
-        let mut forces = forces.columns_mut(block * AHEAD, steps.len());
+    for (block, steps) in steps.chunks(BLOCK).enumerate() {
+        let mut forces = forces.columns_mut(block * BLOCK, steps.len());
         let led = Led::by(&models[0], &mut leading, steps);
         for (mut after, force) in forces.column_iter_mut().zip(&led.forces) {
             after.fill(*force);
@@ -820,13 +817,13 @@ impl<'a> Led<'a> {
         // A step of the usual length has one part, or two.
         let mut parts = Vec::with_capacity(2 * steps.len());
         let mut ends = Vec::with_capacity(steps.len());
-        let mut of = |step: &Step| {
+        let of = |step: &Step| {
             let keep = |part| parts.push(part);
             let force = model.lead(state, step.displacement, step.duration, keep);
             ends.push(parts.len());
             force
         };
-        let forces = steps.iter().map(&mut of).collect();
+        let forces = steps.iter().map(of).collect();
         Self { parts, ends, forces }
     }
 }

@@ -177,8 +177,9 @@ pub(super) fn with_rows(all: DMatrix<f64>, more: &DMatrix<f64>) -> DMatrix<f64> 
 /// State of a trial's model.
 pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
-/// Steps simulated at a time: their forces stay in the cache of a core.
-const BLOCK: usize = 512;
+/// Steps simulated at a time: their forces, and the parts of a model that leads, stay in the cache of
+/// a core.
+pub(super) const BLOCK: usize = 512;
 
 /// Result of a fit.
 #[derive(Debug, Clone)]

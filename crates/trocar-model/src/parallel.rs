@@ -112,12 +112,12 @@ impl Stages {
         Beside::new(stage, leader, elements)
     }
 
-    /// As [`Friction::step`], and beside it the same step of models that differ little, to first
-    /// order in the differences: the derivatives of the force, at a fraction of the work of steps
-    /// by themselves. What the models share is stepped once.
+    /// As [`Friction::step`]; `part` is given each part of it. Models that differ little follow them
+    /// all in the same order ([`Beside::follow`]), at once or later, to first order in the
+    /// differences: the derivatives of the force, at a fraction of the work of steps by themselves.
+    /// What the models share is stepped once.
     ///
-    /// Every model of `beside` was put beside this one ([`Stages::beside`]), and both were stepped
-    /// together since.
+    /// Every model beside was put beside this one ([`Stages::beside`]), and has followed it since.
     ///
     /// ```
     /// # use trocar_model::{Element, ElementParams, Stages, Friction};
@@ -126,27 +126,13 @@ impl Stages {
     /// let model = Stages::from(Element::new(params)?);
     /// let other = Stages::from(Element::new(ElementParams { creep_velocity: 1.001e-4, ..params })?);
     /// let (mut state, own) = (model.rest_state(0.0), other.rest_state(0.0));
-    /// let mut beside = [model.beside(&state, 0, &[(&other, own)]).expect("both have one element")];
-    /// model.step_beside(&mut state, &mut beside, 50e-6, 1e-3);
-    /// let rate = beside[0].forces()[0] / 1e-7; // of the force with the creep velocity, N·s/m
+    /// let mut beside = model.beside(&state, 0, &[(&other, own)]).expect("both have one element");
+    /// model.lead(&mut state, 50e-6, 1e-3, |part| beside.follow(&part));
+    /// let rate = beside.forces()[0] / 1e-7; // of the force with the creep velocity, N·s/m
     /// assert!(rate < 0.0);
     /// # Ok(())
     /// # }
     /// ```
-    pub fn step_beside(
-        &self,
-        state: &mut StagesState,
-        beside: &mut [Beside],
-        displacement: f64,
-        duration: f64,
-    ) -> f64 {
-        self.lead(state, displacement, duration, |lead| {
-            beside.iter_mut().for_each(|own| own.follow(&lead));
-        })
-    }
-
-    /// As [`Friction::step`]; `part` is given each part of it, which those beside may follow later
-    /// ([`Beside::follow`]), all in the same order.
     pub fn lead<'a>(
         &'a self,
         state: &mut StagesState,

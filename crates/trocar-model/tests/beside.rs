@@ -133,9 +133,10 @@ fn alone(model: &Stages) -> Vec<f64> {
 fn beside(model: &Stages, other: &Stages) -> (Vec<f64>, StagesState) {
     let mut state = model.rest_state(0.0);
     let start = [(other, other.rest_state(0.0))];
-    let mut beside = [model.beside(&state, 0, &start).expect("both have one element")];
+    let mut beside = model.beside(&state, 0, &start).expect("both have one element");
     let forces = motion().map(|(displacement, duration)| {
-        model.step_beside(&mut state, &mut beside, displacement, duration) + beside[0].forces()[0]
+        model.lead(&mut state, displacement, duration, |part| beside.follow(&part))
+            + beside.forces()[0]
     });
     (forces.collect(), state)
 }
@@ -206,7 +207,9 @@ fn what_is_shared_is_stepped_once() {
         own
     };
     for (displacement, duration) in motion() {
-        model.step_beside(&mut state, &mut beside, displacement, duration);
+        model.lead(&mut state, displacement, duration, |part| {
+            beside.iter_mut().for_each(|own| own.follow(&part));
+        });
         assert_eq!(state_of(0, &beside, &state).states()[0], state.states()[0]);
         assert_eq!(state_of(1, &beside, &state), state);
     }

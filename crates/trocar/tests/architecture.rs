@@ -107,7 +107,6 @@ fn models_are_stepped_in_known_places() {
         "seal.step(",
         "seal().step(",
         "step_parallel(",
-        "step_beside(",
         "model.lead(",
         "model.step(",
     ];

@@ -211,7 +211,7 @@ impl<const N: usize> Different<N> {
 }
 
 /// Up to [`BESIDE`] elements that differ little from one that leads, and how their states differ
-/// from its; see [`Stages::step_beside`](crate::Stages::step_beside).
+/// from its; see [`Stages::lead`](crate::Stages::lead).
 #[derive(Clone, Debug)]
 pub struct Beside<'a> {
     /// Place of the leader among its stages.
