@@ -205,30 +205,74 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
-/// Static forces relative to the Coulomb forces.
-const STATIC_RATIOS: [f64; 3] = [1.08, 1.2, 1.35];
+/// Excess of the static over the Coulomb force and Stribeck velocity that are tried again, relative to
+/// those found; without Stribeck friction, to the part of F_c and of the slowest speed that follow.
+const EXCESSES: [f64; 5] = [0.7, 0.85, 1.0, 1.2, 1.5];
+const VELOCITIES: [f64; 4] = [0.5, 0.7, 1.0, 1.5];
+const FIRST_EXCESS: f64 = 0.1;
+const FIRST_VELOCITY: f64 = 0.5;
+/// Cost, relative to the one found, up to which a start is promising: a jump that comes too late costs
+/// as much before all else follows. Most starts that are fitted.
+const PROMISING: f64 = 1.5;
+const MOST_PROMISING: usize = 3;
+/// Most rounds, each from the best fit of the one before.
+const ROUNDS: usize = 6;
 
-/// A better fit from higher static forces. A fit whose seal lets go too early does not see that the
-/// force rises further: its error grows with either number alone, the static force and the half width.
-fn holding_longer(
+/// Whether the readings show that the seal lets go by a jump.
+fn lets_go(input: &Input) -> bool {
+    input.left_out.iter().any(|out| !out.releases.is_empty() || !out.strokes.is_empty())
+}
+
+/// A better fit with Stribeck friction from other static forces, Stribeck velocities and the half widths
+/// that go with them; `None` where none is found. Where a seal lets go by a jump the cost has many
+/// minima: it grows with the static force or the half width alone, and where a jump comes too early or
+/// too late the readings beside it do not tell by how much.
+fn holding_otherwise(
     input: &Input,
     training: &Training,
     found: &Fitted<EmsTrial>,
 ) -> Option<Fitted<EmsTrial>> {
-    let [slow, fast] = speeds(input);
-    let velocities = [0.5 * slow, (slow * fast).sqrt()];
-    let own = found.best.candidate.insertion;
-    let higher = STATIC_RATIOS.into_iter().filter(|r| r * own.coulomb_force > own.static_force);
-    let all = higher.flat_map(|ratio| velocities.map(|v| (ratio, v)));
-    let start = |(ratio, velocity)| {
-        let candidate = found.best.candidate.holding(ratio, velocity)?;
-        Some(EmsTrial { candidate, ..found.best.clone() }.within())
+    let [slow, _] = speeds(input);
+    let mut best: Option<Fitted<EmsTrial>> = None;
+    for _ in 0..ROUNDS {
+        match held_otherwise(training, best.as_ref().unwrap_or(found), slow) {
+            Some(better) => best = Some(better),
+            None => break,
+        }
+    }
+    best
+}
+
+/// One round: all starts by their cost alone, the most promising begun, the best of these fitted.
+fn held_otherwise(
+    training: &Training,
+    found: &Fitted<EmsTrial>,
+    slowest: f64,
+) -> Option<Fitted<EmsTrial>> {
+    let EmsTrial { candidate, layout, .. } = &found.best;
+    let own = candidate.insertion;
+    let (excess, velocity) = match layout.stribeck {
+        true => (own.static_force / own.coulomb_force - 1.0, own.stribeck_velocity),
+        false => (FIRST_EXCESS, FIRST_VELOCITY * slowest),
     };
-    let starts: Vec<EmsTrial> = all.filter_map(start).collect();
-    let fit = |start: &EmsTrial| likelihood::fit(training, start, SHORT);
-    let fits: Vec<_> = starts.par_iter().filter_map(fit).collect();
-    let best = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
-    let is_near = best.cost() * (1.0 - best.promised_fall()) < found.cost();
+    let start = |(part, of_velocity): (f64, f64)| {
+        let candidate = candidate.holding(1.0 + part * excess, of_velocity * velocity)?;
+        let layout = Layout { stribeck: true, ..*layout };
+        let start = EmsTrial { candidate, layout, ..found.best.clone() }.within();
+        Some((likelihood::cost(training, &start), start))
+    };
+    let is_other = |parts: &(f64, f64)| !layout.stribeck || *parts != (1.0, 1.0);
+    let all = EXCESSES.into_iter().flat_map(|part| VELOCITIES.map(|velocity| (part, velocity)));
+    let all: Vec<(f64, f64)> = all.filter(is_other).collect();
+    let mut starts: Vec<(f64, EmsTrial)> = all.into_par_iter().filter_map(start).collect();
+    starts.retain(|(cost, _)| *cost < PROMISING * found.cost());
+    starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    starts.truncate(MOST_PROMISING);
+    let begin = |(_, start): &(f64, EmsTrial)| likelihood::fit(training, start, SHORT);
+    let begun: Vec<_> = starts.par_iter().filter_map(begin).collect();
+    let hoped = |fit: &Fitted<EmsTrial>| fit.cost() * (1.0 - fit.promised_fall());
+    let best = begun.into_iter().min_by(|a, b| hoped(a).total_cmp(&hoped(b)))?;
+    let is_near = hoped(&best) < found.cost();
     let fitted = is_near.then(|| likelihood::fit(training, &best.best, NEXT))??;
     (fitted.cost() < (1.0 - NEXT.fall) * found.cost()).then_some(fitted)
 }
@@ -330,10 +374,12 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
             chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
-    // Only a release shows that the seal holds on longer than that.
-    if chosen.fitted.best.layout.stribeck
-        && input.left_out.iter().any(|out| !out.releases.is_empty())
-        && let Some(other) = holding_longer(input, &training, &chosen.fitted)
+    let layout = &chosen.fitted.best.layout;
+    let may_fall =
+        layout.stribeck || !excluded.contains(&Term::Stribeck) && Term::Stribeck.can_join(layout);
+    if lets_go(input)
+        && may_fall
+        && let Some(other) = holding_otherwise(input, &training, &chosen.fitted)
     {
         chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
     }
@@ -356,7 +402,16 @@ pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<
         training = self::training(input, &from.candidate, Coarseness::NONE)?;
         free_scales(input, &mut training, &from, lambda);
     }
-    Some(scaled(input, training, from, LAST)?.with(input, trials, paper_rms))
+    let mut last = scaled(input, training, from, LAST)?;
+    // Averaged over longer travel, other jumps fit best.
+    if lets_go(input)
+        && input.options.prior.is_none()
+        && last.fitted.best.layout.stribeck
+        && let Some(other) = holding_otherwise(input, &last.training, &last.fitted)
+    {
+        last = scaled(input, last.training, without_drift(other), LAST)?;
+    }
+    Some(last.with(input, trials, paper_rms))
 }
 
 fn without_drift(fitted: Fitted<EmsTrial>) -> EmsTrial {
