@@ -282,6 +282,8 @@ const WILDEST_BEND: f64 = 6.0;
 /// Range of v_c, m/s. Below it, the seal creeps by less than the encoder resolution in a second;
 /// above it, sliding itself is creep.
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
+/// Range of v_s, m/s.
+pub(super) const STRIBECK_RANGE: [f64; 2] = [5e-4, 1.0];
 /// Range of T, s.
 const LAG_RANGE: [f64; 2] = [1e-3, 1.0];
 /// Range of the second stage's share; outside it, one of the stages is negligible.
@@ -404,7 +406,7 @@ fn on_log(kind: Kind, value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut
 
 impl Layout {
     /// Range of a parameter: the one in which it is kept, or that of the fit.
-    fn range(self, quantity: Quantity, of_fit: [f64; 2]) -> [f64; 2] {
+    pub(super) fn range(self, quantity: Quantity, of_fit: [f64; 2]) -> [f64; 2] {
         self.kept.range(quantity).unwrap_or(of_fit)
     }
 
@@ -472,7 +474,7 @@ impl Layout {
                 &mut candidate.insertion.static_force,
                 Span::new(Kind::SlidingForce, force, low, high),
             );
-            let [low, high] = self.range(Quantity::StribeckVelocity, [5e-4, 1.0]);
+            let [low, high] = self.range(Quantity::StribeckVelocity, STRIBECK_RANGE);
             on(
                 &mut candidate.insertion.stribeck_velocity,
                 Span::new(Kind::StribeckVelocity, 1e-5, low, high),

@@ -95,9 +95,13 @@ impl Candidate {
         self.rebuilt(1.0, half_width, |d, travel| self.first_upon_stroke(d, travel))
     }
 
-    /// The candidate with static forces of `ratio` times the Coulomb forces, below `velocity` (m/s): its
-    /// branches go on, beyond their ends, as steeply as just before them.
-    pub(super) fn holding(&self, ratio: f64, velocity: f64) -> Option<Candidate> {
+    /// The candidate with static forces that exceed the Coulomb forces by `excess`, N, below `velocity`
+    /// (m/s): its branches go on, beyond their ends, as steeply as just before them, or are cut short.
+    pub(super) fn holding(
+        &self,
+        excess: impl Fn(&SlidingFriction) -> f64,
+        velocity: f64,
+    ) -> Option<Candidate> {
         let full = 2.0 * self.half_width;
         let stiffness = |direction| {
             let force = |part: f64| self.first_upon_stroke(direction, part * full);
@@ -107,7 +111,7 @@ impl Candidate {
         let stiffness = 0.5 * (up? + down?);
         let mut longer = self.clone();
         for sliding in [&mut longer.insertion, &mut longer.withdrawal] {
-            sliding.static_force = ratio * sliding.coulomb_force;
+            sliding.static_force = sliding.coulomb_force + excess(sliding);
             sliding.stribeck_velocity = velocity;
         }
         let (own, end) = (self.end_forces(), longer.end_forces());

@@ -10,9 +10,9 @@ use std::f64::consts::PI;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar_model::{Branch, ElementParams, Quantity, Trocar};
+use trocar_model::{Branch, ElementParams, Quantity, SlidingFriction, Trocar};
 
-use super::candidate::{Candidate, EmsTrial, Layout};
+use super::candidate::{Candidate, EmsTrial, Layout, STRIBECK_RANGE};
 use super::findings::Progress;
 use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop, Trial};
@@ -205,14 +205,16 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
-/// Excess of the static over the Coulomb force and Stribeck velocity that are tried again, relative to
-/// those found; without Stribeck friction, to the part of F_c and of the slowest speed that follow.
+/// Excesses of the static over the Coulomb force, and Stribeck velocities, from which a fit begins again,
+/// relative to those found; an excess of less than a part of F_c counts as that much.
 const EXCESSES: [f64; 5] = [0.7, 0.85, 1.0, 1.2, 1.5];
 const VELOCITIES: [f64; 4] = [0.5, 0.7, 1.0, 1.5];
+const LEAST_EXCESS: f64 = 0.02;
+/// The same where no Stribeck friction was found, relative to F_c and to the slowest speed.
 const FIRST_EXCESS: f64 = 0.1;
 const FIRST_VELOCITY: f64 = 0.5;
-/// Cost, relative to the one found, up to which a start is promising: a jump that comes too late costs
-/// as much before all else follows. Most starts that are fitted.
+/// Cost, relative to the one found, up to which a start is promising: a better one costs more until the
+/// other parameters follow it. Most starts that are fitted.
 const PROMISING: f64 = 1.5;
 const MOST_PROMISING: usize = 3;
 /// Most rounds, each from the best fit of the one before.
@@ -251,19 +253,36 @@ fn held_otherwise(
 ) -> Option<Fitted<EmsTrial>> {
     let EmsTrial { candidate, layout, .. } = &found.best;
     let own = candidate.insertion;
-    let (excess, velocity) = match layout.stribeck {
-        true => (own.static_force / own.coulomb_force - 1.0, own.stribeck_velocity),
-        false => (FIRST_EXCESS, FIRST_VELOCITY * slowest),
+    if !layout.shape {
+        return None;
+    }
+    let with_curve = Layout { stribeck: true, ..*layout };
+    let excess = |sliding: &SlidingFriction| match layout.stribeck {
+        true => {
+            (sliding.static_force - sliding.coulomb_force).max(LEAST_EXCESS * sliding.coulomb_force)
+        }
+        false => FIRST_EXCESS * sliding.coulomb_force,
     };
-    let start = |(part, of_velocity): (f64, f64)| {
-        let candidate = candidate.holding(1.0 + part * excess, of_velocity * velocity)?;
-        let layout = Layout { stribeck: true, ..*layout };
-        let start = EmsTrial { candidate, layout, ..found.best.clone() }.within();
-        Some((likelihood::cost(training, &start), start))
+    let [low, high] = with_curve.range(Quantity::StribeckVelocity, STRIBECK_RANGE);
+    let velocity = match layout.stribeck {
+        true => own.stribeck_velocity,
+        false => FIRST_VELOCITY * slowest,
     };
-    let is_other = |parts: &(f64, f64)| !layout.stribeck || *parts != (1.0, 1.0);
-    let all = EXCESSES.into_iter().flat_map(|part| VELOCITIES.map(|velocity| (part, velocity)));
-    let all: Vec<(f64, f64)> = all.filter(is_other).collect();
+    let mut velocities = VELOCITIES.map(|part| (part * velocity).clamp(low, high)).to_vec();
+    velocities.dedup();
+    let is_kept = layout.kept.range(Quantity::StaticForce).is_some();
+    let excesses = EXCESSES.into_iter().filter(|part| !is_kept || *part == 1.0);
+    let all: Vec<(f64, f64)> =
+        excesses.flat_map(|part| velocities.iter().map(move |v| (part, *v))).collect();
+    let start = |(part, velocity): (f64, f64)| {
+        let candidate = candidate.holding(|sliding| part * excess(sliding), velocity)?;
+        let SlidingFriction { static_force, stribeck_velocity, .. } = candidate.insertion;
+        let is_other = (static_force - own.static_force).abs() > 1e-9 * own.static_force
+            || stribeck_velocity != own.stribeck_velocity;
+        let is_possible = static_force <= layout.largest;
+        let trial = EmsTrial { candidate, layout: with_curve, ..found.best.clone() }.within();
+        (is_other && is_possible).then(|| (likelihood::cost(training, &trial), trial))
+    };
     let mut starts: Vec<(f64, EmsTrial)> = all.into_par_iter().filter_map(start).collect();
     starts.retain(|(cost, _)| *cost < PROMISING * found.cost());
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -375,8 +394,7 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
         }
     }
     let layout = &chosen.fitted.best.layout;
-    let may_fall =
-        layout.stribeck || !excluded.contains(&Term::Stribeck) && Term::Stribeck.can_join(layout);
+    let may_fall = layout.stribeck || !excluded.contains(&Term::Stribeck);
     if lets_go(input)
         && may_fall
         && let Some(other) = holding_otherwise(input, &training, &chosen.fitted)
@@ -403,13 +421,14 @@ pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<
         free_scales(input, &mut training, &from, lambda);
     }
     let mut last = scaled(input, training, from, LAST)?;
-    // Averaged over longer travel, other jumps fit best.
+    // The longer steps of the search may favour another static force.
     if lets_go(input)
         && input.options.prior.is_none()
         && last.fitted.best.layout.stribeck
         && let Some(other) = holding_otherwise(input, &last.training, &last.fitted)
     {
-        last = scaled(input, last.training, without_drift(other), LAST)?;
+        let again = scaled(input, last.training.clone(), without_drift(other), LAST);
+        last = again.unwrap_or(last);
     }
     Some(last.with(input, trials, paper_rms))
 }

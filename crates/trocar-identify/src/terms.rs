@@ -339,7 +339,7 @@ impl Term {
     }
 
     /// Whether the term can be added.
-    pub(super) fn can_join(self, layout: &Layout) -> bool {
+    fn can_join(self, layout: &Layout) -> bool {
         let has_place = match self {
             Self::SecondRelaxation => layout.arms == 1,
             Self::StribeckExponent => layout.stribeck,
