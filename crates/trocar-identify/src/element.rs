@@ -289,7 +289,7 @@ fn held_otherwise(
     starts.truncate(MOST_PROMISING);
     let begin = |(_, start): &(f64, EmsTrial)| likelihood::fit(training, start, SHORT);
     let begun: Vec<_> = starts.par_iter().filter_map(begin).collect();
-    let hoped = |fit: &Fitted<EmsTrial>| fit.cost() * (1.0 - fit.promised_fall());
+    let hoped = |fit: &Fitted<EmsTrial>| fit.hoped_cost(1.0);
     let best = begun.into_iter().min_by(|a, b| hoped(a).total_cmp(&hoped(b)))?;
     let is_near = hoped(&best) < found.cost();
     let fitted = is_near.then(|| likelihood::fit(training, &best.best, NEXT))??;

@@ -1197,6 +1197,11 @@ impl<T: Trial> Fitted<T> {
         self.remaining().dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE)
     }
 
+    /// C if further steps remove `times` the fraction of it that an undamped one promises.
+    pub(crate) fn hoped_cost(&self, times: f64) -> f64 {
+        self.cost() * (1.0 - times * self.promised_fall()).max(0.0)
+    }
+
     /// Changes of the free parameters with one cluster left out each, and their covariance if all
     /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
     /// parameters that the data do not determine stay finite. A parameter held at a bound does not

@@ -583,7 +583,7 @@ impl Chosen {
     ) -> Result<(Fitted<EmsTrial>, bool), &'static str> {
         let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER)?;
         let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
-        let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
+        let hoped = begun.hoped_cost(HOPE);
         let growth = self.fitted.cost() - hoped;
         if hoped >= self.cost_to_beat(best)
             || growth_p_value(training, &self.fitted.best, &begun, growth) >= LEVEL
@@ -702,7 +702,7 @@ impl Without {
         least_gain: f64,
     ) -> Option<Self> {
         let judged = |fitted: Fitted<EmsTrial>, hope: f64| {
-            let cost = fitted.cost() * (1.0 - hope * fitted.promised_fall()).max(0.0);
+            let cost = fitted.hoped_cost(hope);
             let trial = fitted.best.clone();
             Self::judged(training, Some(fitted), (&trial, with), cost - with.cost())
         };

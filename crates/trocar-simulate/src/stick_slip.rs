@@ -213,9 +213,9 @@ impl LeftOut {
     }
 }
 
-/// Part of the width of the widest oscillations of a direction, which four fifths do not exceed, that
-/// others have: a seal that sticks and slips does so between the same two forces at every speed, while a
-/// drive vibrates less.
+/// Least width of an oscillation, relative to the one that four fifths of those of its direction do not
+/// exceed: a seal that sticks and slips does so between nearly the same two forces at most speeds, while
+/// a drive vibrates less.
 const WIDE: f64 = 0.5;
 
 /// Those of each recording that are as wide as others of their direction.
@@ -232,8 +232,8 @@ fn wide_oscillations<'a>(
         let own = each.iter().flatten().filter(|o| o.inserts == inserts);
         let mut widths: Vec<f64> = own.map(|o| o.width).collect();
         widths.sort_by(f64::total_cmp);
-        if let Some(widest) = widths.get(4 * widths.len().saturating_sub(1) / 5) {
-            let is_wide = |o: &Oscillation| o.inserts != inserts || o.width >= WIDE * widest;
+        if let Some(usual) = widths.get(4 * widths.len().saturating_sub(1) / 5) {
+            let is_wide = |o: &Oscillation| o.inserts != inserts || o.width >= WIDE * usual;
             each.iter_mut().for_each(|own| own.retain(is_wide));
         }
     }
