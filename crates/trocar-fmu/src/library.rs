@@ -123,7 +123,8 @@ fn parts(path: &Path) -> Vec<PathBuf> {
 }
 
 fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
-    let folder = out.join("fmu");
+    // Beside `build/CRATE/out`, where the other programs of one build find it finished.
+    let folder = out.ancestors().nth(3).unwrap_or(out).join("fmu-library");
     let output = Command::new(env::var_os("CARGO").unwrap_or("cargo".into()))
         .current_dir(root)
         .args(["rustc", "--package", "trocar-fmu", "--lib", "--crate-type", "cdylib"])

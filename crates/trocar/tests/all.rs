@@ -7,6 +7,7 @@ mod any_format;
 mod any_length;
 mod architecture;
 mod bench;
+mod benches;
 mod compensate;
 mod compensate_turning;
 mod drawn;

@@ -1,6 +1,9 @@
 //! `plan`: the error it predicts beside the error that identifications make, and motions within
 //! their limits.
 
+use std::sync::LazyLock;
+
+use crate::benches::benches;
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, Course, Protocol, random_plausible_seal, run_motion};
 use trocar::cancel::{Cancel, Stopped};
@@ -64,24 +67,24 @@ fn outcome(config: &PlanConfig, motion: &Course, k: u64) -> Vec<(f64, bool)> {
     main_ones().into_iter().map(one).collect()
 }
 
-/// Seals of the prior on the bench with its default noise: 60 with `./test --statistics`, or as many as `TROCAR_STATISTICS` says. F_c, β and c by the mean square
-/// of their errors; joins by the median: where several are within reach, the error of the fit is not that of a linear
-/// prediction, and their intervals say so.
-#[test]
-fn the_predicted_error_is_the_one_that_identifications_make() {
-    let wanted = std::env::var("TROCAR_STATISTICS").ok();
-    let wanted = wanted.map(|text| text.parse().ok().filter(|count| *count > 1).unwrap_or(60));
-    // 15 % and 93 to 97 %, and what a mean square and a count of so few seals scatter.
-    let (within, covered) = match wanted {
-        Some(200..) => ([[0.8, 1.2], [0.8, 1.4]], [0.92, 0.985]),
-        Some(_) => ([[0.75, 1.4], [0.7, 1.6]], [0.87, 1.0]),
-        None => ([[0.4, 2.5], [0.2, 3.0]], [0.75, 1.0]),
-    };
-    let seals = wanted.unwrap_or(12);
+/// What the default plan's motion tells about seals of the prior, on the bench with its default noise.
+static OUTCOMES: LazyLock<Vec<Vec<(f64, bool)>>> = LazyLock::new(|| {
     let config = PlanConfig::default();
     let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
-    let all: Vec<Vec<(f64, bool)>> =
-        (1..=seals).into_par_iter().map(|k| outcome(&config, &planned.course, k)).collect();
+    (1..=benches(32, 60)).into_par_iter().map(|k| outcome(&config, &planned.course, k)).collect()
+});
+
+/// F_c, β and c by the mean square of their errors; joins by the median: where several are within reach, the error of
+/// the fit is not that of a linear prediction, and their intervals say so.
+#[test]
+fn the_predicted_error_is_the_one_that_identifications_make() {
+    let all = &*OUTCOMES;
+    // 15 % and 93 to 97 %, and what a mean square and a count of so few seals scatter.
+    let (within, covered) = match all.len() {
+        200.. => ([[0.8, 1.2], [0.8, 1.4]], [0.92, 0.985]),
+        60.. => ([[0.75, 1.4], [0.7, 1.6]], [0.87, 1.0]),
+        _ => ([[0.4, 2.5], [0.2, 3.0]], [0.75, 1.0]),
+    };
     let mut outside = Vec::new();
     for (k, id) in main_ones().into_iter().enumerate() {
         let mut errors: Vec<f64> = all.iter().map(|found| found[k].0.abs()).collect();
@@ -111,11 +114,9 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
 #[test]
 fn an_interval_holds_all_joins_that_fit() {
     const FAR: f64 = 4.0;
-    let config = PlanConfig::default();
-    let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
     let first = main_ones().iter().position(|id| id.quantity == Quantity::Join).expect("listed");
-    let of_seal = |k: u64| outcome(&config, &planned.course, k)[first..].to_vec();
-    let joins: Vec<(f64, bool)> = (1..=32).into_par_iter().flat_map(of_seal).collect();
+    let joins: Vec<(f64, bool)> =
+        OUTCOMES.iter().flat_map(|seal| &seal[first..]).copied().collect();
     let far = joins.iter().filter(|(error, _)| error.abs() > FAR);
     let held = far.clone().filter(|(_, holds)| *holds).count();
     println!("{held} of {} joins far from their best are held", far.clone().count());
@@ -369,14 +370,12 @@ fn the_documented_rig_is_the_default() {
 /// their errors beside the expected ones, and their intervals.
 #[test]
 fn the_predicted_error_of_rotation_is_the_one_that_identifications_make() {
-    let wanted = std::env::var("TROCAR_STATISTICS").ok();
-    let wanted = wanted.map(|text| text.parse().ok().filter(|count| *count > 1).unwrap_or(60));
+    let seals = benches(8, 24);
     // What a mean square, a median and a count of so few seals scatter.
-    let (realised, wide, covered) = match wanted {
-        Some(_) => ([0.8, 1.4], [0.65, 1.25], 0.92),
-        None => ([0.4, 2.0], [0.5, 1.5], 0.75),
+    let (realised, wide, covered) = match seals {
+        24.. => ([0.8, 1.4], [0.65, 1.25], 0.92),
+        _ => ([0.4, 2.0], [0.5, 1.5], 0.75),
     };
-    let seals = wanted.unwrap_or(8);
     let mut config = config(90.0);
     config.rig.turning_rad_s = std::f64::consts::TAU;
     let radius = 0.5 * config.rig.shaft_diameter_m;

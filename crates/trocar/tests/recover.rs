@@ -1,6 +1,7 @@
 //! Known true parameters: accuracy and interval coverage of identify over many seeded benches with
 //! random plausible seals, and its messages when the recordings do not determine a parameter.
 
+use crate::benches::benches;
 use rayon::prelude::*;
 use trocar::bench::config::Fluctuation;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
@@ -14,16 +15,11 @@ use trocar_model::{
     Direction, Element, ElementParams, Friction, ParameterId, Quantity, Seal, Tunable,
 };
 
-/// Number of benches, and the range that contains a coverage of 0.95 in 95 of 100 tests of that
-/// size; `./test --statistics` uses the larger number.
 /// Benches, and the coverage that two standard errors of as many allow; one more above, since
 /// intervals span terms that are left out.
-fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
-    if std::env::var_os("TROCAR_STATISTICS").is_some() {
-        (200, 0.92..=0.99)
-    } else {
-        (40, 0.87..=1.0)
-    }
+fn benches_and_coverage() -> (u64, std::ops::RangeInclusive<f64>) {
+    let count = benches(40, 100);
+    (count, if count < 100 { 0.87..=1.0 } else { 0.92..=0.99 })
 }
 
 /// Name, true value and estimate of the parameters known to a bench.
@@ -115,7 +111,7 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
         let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed);
         (known(&truth, &found), error_of_sliding_force(&truth, &found).abs())
     };
-    let (benches, band) = benches();
+    let (benches, band) = benches_and_coverage();
     let (outcomes, errors): (Vec<Known>, Vec<f64>) =
         (1..=benches).into_par_iter().map(outcome).unzip();
     // Of a sum only the covariance tells the error: within 2.2 standard errors in 19 of 20 benches.
@@ -225,7 +221,7 @@ fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
 #[test]
 fn a_coarse_encoder_does_not_bias_half_width_and_damping() {
     const STEP: f64 = 1e-4;
-    let benches: u64 = if std::env::var_os("TROCAR_STATISTICS").is_some() { 40 } else { 8 };
+    let benches = benches(8, 20);
     let mut config = BenchConfig::default();
     config.encoder.resolution_m = STEP;
     let outcome = |seed: u64| {

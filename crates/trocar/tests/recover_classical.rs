@@ -1,6 +1,7 @@
 //! Simulate, fit, recover: accuracy and coverage of the 95 % intervals of every classical model in
 //! a comparison when the recordings come from that model.
 
+use crate::benches::benches;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -19,9 +20,10 @@ use trocar_model::{
 
 /// Number of benches of each model, and required coverage over all its parameters together. With
 /// one to ten parameters that share their noise, a coverage of 0.95 is within this range in nearly
-/// all tests. `./test --statistics` uses the larger number.
-fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
-    if std::env::var_os("TROCAR_STATISTICS").is_some() { (24, 0.90..=1.0) } else { (8, 0.85..=1.0) }
+/// all tests.
+fn benches_and_coverage() -> (u64, std::ops::RangeInclusive<f64>) {
+    let count = benches(8, 24);
+    (count, if count < 24 { 0.85..=1.0 } else { 0.90..=1.0 })
 }
 /// Fraction of the parameters that must be determined, and the largest median error: infinite
 /// intervals cover everything.
@@ -326,7 +328,7 @@ fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
 }
 
 fn recovered(kind: Kind) {
-    let (benches, band) = benches();
+    let (benches, band) = benches_and_coverage();
     let outcomes: Vec<_> = (1..=benches).into_par_iter().map(|seed| outcome(kind, seed)).collect();
     let (mut covered, mut all) = (0, 0);
     for k in 0..outcomes[0].0.len() {

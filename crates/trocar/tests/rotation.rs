@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::benches::benches;
 use trocar::bench::config::Fluctuation;
 use trocar::bench::{self, BenchConfig, Course, Protocol};
 use trocar::identify::{IdentifyOptions, identify};
@@ -286,12 +287,11 @@ fn bench_of_rotation(truth: &Trocar<Vec<f64>>, seed: u64) -> Vec<Recording> {
     ]
 }
 
-/// Six benches, or as many as `TROCAR_STATISTICS` says where it is above 1. Both numbers are within
+/// Both numbers are within
 /// their intervals, and the Coulomb force, identified beside them, is as without rotation.
 #[test]
 fn rotation_is_recovered() {
-    let wanted = std::env::var("TROCAR_STATISTICS").ok().and_then(|text| text.parse().ok());
-    let count = wanted.filter(|count: &u64| *count > 1).unwrap_or(6);
+    let count = benches(6, 6);
     let seal = ModelFile::plausible_10_5_mm().unwrap().trocar;
     let mut covered = [0; 3];
     for seed in 0..count {
