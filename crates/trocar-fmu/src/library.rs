@@ -93,7 +93,7 @@ fn finished(folder: &Path) -> Result<Vec<Binary>, String> {
     Ok(binaries)
 }
 
-/// Builds the library for the target of the build script in the folder `out`.
+/// Builds the library for the target of the build script, whose own folder is `out`.
 fn native(out: &Path) -> Result<Binary, String> {
     // Not the folder where the script was compiled: a copied target folder may still hold it.
     let root = PathBuf::from(set("CARGO_MANIFEST_DIR")).join("../..");
@@ -123,7 +123,7 @@ fn parts(path: &Path) -> Vec<PathBuf> {
 }
 
 fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
-    // Beside `build/CRATE/out`, where the other programs of one build find it finished.
+    // Beside `build/CRATE/out`, for all programs of a profile.
     let folder = out.ancestors().nth(3).unwrap_or(out).join("fmu-library");
     let output = Command::new(env::var_os("CARGO").unwrap_or("cargo".into()))
         .current_dir(root)
@@ -147,7 +147,8 @@ fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
             said.lines().map(str::trim).filter(|line| !line.is_empty()).take(4).collect();
         return Err(format!("no shared library for {target}: {}", said.join("; ")));
     }
-    let built = folder.join(target).join("fmu");
+    // What a second build that finds all done leaves alone.
+    let built = folder.join(target).join("fmu").join("deps");
     let names = ["libtrocar_fmu.so", "trocar_fmu.dll", "libtrocar_fmu.dylib"];
     let found = names.iter().map(|name| built.join(name)).find(|path| path.exists());
     let path = found.ok_or_else(|| format!("no shared library for {target}: Cargo made none"))?;

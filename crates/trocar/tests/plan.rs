@@ -373,7 +373,8 @@ fn the_predicted_error_of_rotation_is_the_one_that_identifications_make() {
     let seals = benches(8, 24);
     // What a mean square, a median and a count of so few seals scatter.
     let (realised, wide, covered) = match seals {
-        24.. => ([0.8, 1.4], [0.65, 1.25], 0.92),
+        60.. => ([0.8, 1.4], [0.65, 1.25], 0.92),
+        24.. => ([0.7, 1.6], [0.6, 1.3], 0.87),
         _ => ([0.4, 2.0], [0.5, 1.5], 0.75),
     };
     let mut config = config(90.0);

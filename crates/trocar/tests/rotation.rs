@@ -287,8 +287,7 @@ fn bench_of_rotation(truth: &Trocar<Vec<f64>>, seed: u64) -> Vec<Recording> {
     ]
 }
 
-/// Both numbers are within
-/// their intervals, and the Coulomb force, identified beside them, is as without rotation.
+/// Both numbers are within their intervals, and the Coulomb force, identified beside them, is as without rotation.
 #[test]
 fn rotation_is_recovered() {
     let count = benches(6, 6);
