@@ -389,6 +389,10 @@ pub(crate) fn lower(name: &str) -> String {
             _ => text.push_str(&part.to_lowercase()),
         }
     }
+    // Nothing else is replaced.
+    if text.is_ascii() {
+        return text;
+    }
     text.replace(['µ', 'μ'], "u").replace("°c", "celsius").replace('°', " deg ")
 }
 
