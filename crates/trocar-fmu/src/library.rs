@@ -123,7 +123,7 @@ fn parts(path: &Path) -> Vec<PathBuf> {
 }
 
 fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
-    // Beside `build/CRATE/out`, for all programs of a profile.
+    // Beside the folder `build` of `build/CRATE/out`, for all programs of a profile.
     let folder = out.ancestors().nth(3).unwrap_or(out).join("fmu-library");
     let output = Command::new(env::var_os("CARGO").unwrap_or("cargo".into()))
         .current_dir(root)

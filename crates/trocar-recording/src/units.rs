@@ -389,7 +389,7 @@ pub(crate) fn lower(name: &str) -> String {
             _ => text.push_str(&part.to_lowercase()),
         }
     }
-    // Nothing else is replaced.
+    // All that is replaced is beyond ASCII.
     if text.is_ascii() {
         return text;
     }

@@ -82,7 +82,7 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
     // 15 % and 93 to 97 %, and what a mean square and a count of so few seals scatter.
     let (within, covered) = match all.len() {
         200.. => ([[0.8, 1.2], [0.8, 1.4]], [0.92, 0.985]),
-        60.. => ([[0.75, 1.4], [0.7, 1.6]], [0.87, 1.0]),
+        33.. => ([[0.75, 1.4], [0.7, 1.6]], [0.87, 1.0]),
         _ => ([[0.4, 2.5], [0.2, 3.0]], [0.75, 1.0]),
     };
     let mut outside = Vec::new();
@@ -373,8 +373,7 @@ fn the_predicted_error_of_rotation_is_the_one_that_identifications_make() {
     let seals = benches(8, 24);
     // What a mean square, a median and a count of so few seals scatter.
     let (realised, wide, covered) = match seals {
-        60.. => ([0.8, 1.4], [0.65, 1.25], 0.92),
-        24.. => ([0.7, 1.6], [0.6, 1.3], 0.87),
+        9.. => ([0.8, 1.4], [0.65, 1.25], 0.92),
         _ => ([0.4, 2.0], [0.5, 1.5], 0.75),
     };
     let mut config = config(90.0);

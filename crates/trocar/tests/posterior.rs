@@ -23,11 +23,6 @@ const KEPT: &str = include_str!("data/sbc_ranks.csv");
 /// Where the ranks of the docs come from.
 const COMMAND: &str = "cargo run --release -p trocar --example calibration";
 
-/// Number of benches that are identified again, of the `kept` ones.
-fn again(kept: usize) -> u64 {
-    benches(4, 8).min(kept as u64)
-}
-
 fn posterior(found: &Identification) -> &Posterior {
     found.posterior.as_ref().expect("there is a fit")
 }
@@ -36,7 +31,7 @@ fn posterior(found: &Identification) -> &Posterior {
 #[test]
 fn ranks_of_the_truth_are_those_of_the_docs() {
     let kept = calibration::read(KEPT).unwrap();
-    let all: Vec<Ranks> = (1..=again(kept.len())).into_par_iter().map(ranks).collect();
+    let all: Vec<Ranks> = (1..=benches(4, 8)).into_par_iter().map(ranks).collect();
     for (k, name) in RANKED.into_iter().enumerate() {
         let Distribution { chi2, p, within } = Distribution::of(&all, k);
         println!("{name:24} chi2 {chi2:.1}, p {p:.4}; in the central 95 and 50 %: {within:.3?}");
@@ -217,7 +212,7 @@ fn a_few_strokes_with_a_prior_hold_the_truth_as_often_as_they_say() {
 fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
     let (kept, priors) = (in_use::read(IN_USE).unwrap(), in_use::priors());
     let again = |state: &'static str| {
-        let all = (1..=again(20)).into_par_iter();
+        let all = (1..=benches(4, 8).min(20)).into_par_iter();
         all.flat_map_iter(|bench| {
             let (rows, found) = in_use::rows_of(&priors, state, bench);
             let used = found.prior.as_ref().expect("the prior was used");

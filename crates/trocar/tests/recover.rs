@@ -19,12 +19,7 @@ use trocar_model::{
 /// intervals span terms that are left out.
 fn benches_and_coverage() -> (u64, std::ops::RangeInclusive<f64>) {
     let count = benches(40, 100);
-    let band = match count {
-        200.. => 0.92..=0.99,
-        100.. => 0.906..=1.0,
-        _ => 0.87..=1.0,
-    };
-    (count, band)
+    (count, if count > 40 { 0.92..=0.99 } else { 0.87..=1.0 })
 }
 
 /// Name, true value and estimate of the parameters known to a bench.
