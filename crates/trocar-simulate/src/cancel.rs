@@ -89,10 +89,14 @@ pub fn is_cancelled(unwinding: &(dyn Any + Send)) -> bool {
     unwinding.is::<Unwinding>()
 }
 
+/// Whether the work of this thread was cancelled: for many short pieces, which take longer to unwind than to skip.
+pub fn is_requested() -> bool {
+    FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)))
+}
+
 /// Unwinds if the work of this thread was cancelled.
 pub fn check() {
-    let is_cancelled = FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)));
-    if is_cancelled {
+    if is_requested() {
         // Not a panic, so no message is printed.
         resume_unwind(Box::new(Unwinding));
     }

@@ -236,12 +236,11 @@ fn each_part<E: Ensemble>(
     let task = task(count);
     let first_refused = AtomicUsize::new(usize::MAX);
     let parts = places[..count * width].par_chunks_mut(task * width).enumerate();
-    parts
+    let refused = parts
         .filter_map(|(k, places)| {
-            cancel::check();
             // Saves work only: parts before the first refusal must run, or the answer would depend on
             // the threads.
-            if k > first_refused.load(Ordering::Relaxed) {
+            if cancel::is_requested() || k > first_refused.load(Ordering::Relaxed) {
                 return None;
             }
             match TaskTrocars::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
@@ -255,8 +254,9 @@ fn each_part<E: Ensemble>(
                 }
             }
         })
-        .min_by_key(|refusal| refusal.index())
-        .map_or(Ok(()), Err)
+        .min_by_key(|refusal| refusal.index());
+    cancel::check();
+    refused.map_or(Ok(()), Err)
 }
 
 /// Trocars of one task. A small number is spread over the threads: stepping them one by one on a
