@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::estimate::{Estimate, MANY_DEGREES, t_quantile};
+use super::estimate::{Estimate, MANY_DEGREES};
 use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
 
 /// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
@@ -207,6 +207,23 @@ impl<'a, T: Trial> Spread<'a, T> {
         sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
     }
 
+    /// Variance of a quantity with this gradient, and its degrees of freedom.
+    fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {
+        let direction = &self.covariance * gradient;
+        let remaining = gradient.dot(&self.found.remaining());
+        let (clusters, degrees) = self.of_data(gradient, &direction);
+        let variance = clusters + self.beforehand(&direction);
+        // The variance of the prior has no error (SATTERTHWAITE).
+        let degrees = match self.found.has_prior {
+            true => (degrees * (variance / clusters).powi(2)).min(MANY_DEGREES),
+            false => degrees,
+        };
+        // Clusters with little information about a direction scatter less along it than the
+        // curvature of the cost allows, and without any not at all.
+        let least = self.inflation * gradient.dot(&direction);
+        ((variance + remaining * remaining).max(least), degrees)
+    }
+
     /// A parameter of the best trial with its interval, or without one where the data do not
     /// determine it.
     pub(crate) fn estimate(&self, how: Reported, of: &dyn Fn(&T) -> f64) -> Estimate {
@@ -214,24 +231,13 @@ impl<'a, T: Trial> Spread<'a, T> {
         let best = &self.found.best;
         let Dependent { value, gradient } = Dependent::on(best, log, of);
         let plain = |u: f64| if log { u.exp() } else { u };
-        let direction = &self.covariance * &gradient;
-        let remaining = gradient.dot(&self.found.remaining());
-        let (clusters, degrees) = self.of_data(&gradient, &direction);
-        let variance = clusters + self.beforehand(&direction);
-        // The variance of the prior has no error (SATTERTHWAITE).
-        let degrees = match self.found.has_prior {
-            true => (degrees * (variance / clusters).powi(2)).min(MANY_DEGREES),
-            false => degrees,
-        };
-        let error = factor * (variance + remaining * remaining).sqrt();
+        let (variance, degrees) = self.along(&gradient);
+        let error = factor * variance.sqrt();
         let own = Estimate::from_standard_error(value, error, degrees, unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
         }
-        // Clusters without information about a direction show no scatter along it; the covariance
-        // does.
-        let as_independent = self.inflation * gradient.dot(&direction);
-        let half = own.half_width().max(t_quantile(MANY_DEGREES) * as_independent.max(0.0).sqrt());
+        let half = own.half_width();
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
         if half > limit && !self.found.has_prior {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
@@ -248,12 +254,7 @@ impl<'a, T: Trial> Spread<'a, T> {
     /// Standard deviation of a quantity, also of one that the data do not determine.
     pub(super) fn deviation(&self, of: &dyn Fn(&T) -> f64) -> f64 {
         let Dependent { gradient, .. } = Dependent::on(&self.found.best, false, of);
-        let direction = &self.covariance * &gradient;
-        let (clusters, _) = self.of_data(&gradient, &direction);
-        (clusters + self.beforehand(&direction))
-            .max(self.inflation * gradient.dot(&direction))
-            .max(0.0)
-            .sqrt()
+        self.along(&gradient).0.max(0.0).sqrt()
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its
@@ -288,7 +289,18 @@ impl<'a, T: Trial> Spread<'a, T> {
             Some(gradients[i].dot(&(covariance * &gradients[j])))
         };
         let of = |i: usize, j: usize| all[i].dot(&all[j]) + moderated(i, j).unwrap_or(0.0);
-        (0..all.len()).map(|i| (0..all.len()).map(|j| of(i, j)).collect()).collect()
+        let deviation: Vec<f64> =
+            gradients.iter().map(|gradient| self.along(gradient).0.max(0.0).sqrt()).collect();
+        let correlation = |i: usize, j: usize| match (of(i, i) * of(j, j)).sqrt() {
+            _ if i == j => 1.0,
+            product if product > 0.0 => of(i, j) / product,
+            _ => 0.0,
+        };
+        let row = |i: usize| {
+            let all = deviation.iter().enumerate();
+            all.map(|(j, other)| correlation(i, j) * deviation[i] * other).collect()
+        };
+        (0..all.len()).map(row).collect()
     }
 }
 
