@@ -188,13 +188,14 @@ impl<'a, T: Trial> Spread<'a, T> {
         (sum * ((g - 1.0) / g.max(1.0)), self.departures.len())
     }
 
+    /// Covariance of the free parameters that the errors of the readings make.
+    fn of_readings(&self) -> DMatrix<f64> {
+        self.moderated.clone().unwrap_or_else(|| self.jackknifed().0)
+    }
+
     /// Deviations of the free parameters whose squares add up to their covariance.
     pub(super) fn axes(&self) -> Vec<Vec<f64>> {
-        let all = match &self.moderated {
-            Some(moderated) => moderated.clone(),
-            None => self.jackknifed().0,
-        };
-        axes_of(all)
+        axes_of(self.of_readings())
     }
 
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
@@ -220,7 +221,7 @@ impl<'a, T: Trial> Spread<'a, T> {
         };
         // Clusters with little information about a direction scatter less along it than the
         // curvature of the cost allows, and without any not at all.
-        let least = self.inflation * gradient.dot(&direction);
+        let least = self.inflation * gradient.dot(&direction).max(0.0);
         ((variance + remaining * remaining).max(least), degrees)
     }
 
@@ -254,7 +255,7 @@ impl<'a, T: Trial> Spread<'a, T> {
     /// Standard deviation of a quantity, also of one that the data do not determine.
     pub(super) fn deviation(&self, of: &dyn Fn(&T) -> f64) -> f64 {
         let Dependent { gradient, .. } = Dependent::on(&self.found.best, false, of);
-        self.along(&gradient).0.max(0.0).sqrt()
+        self.along(&gradient).0.sqrt()
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its
@@ -267,40 +268,24 @@ impl<'a, T: Trial> Spread<'a, T> {
     /// Covariance of the quantities with these gradients, row by row: the form whose diagonal holds
     /// the squared standard errors of [`Spread::estimate`].
     pub(super) fn covariance(&self, gradients: &[DVector<f64>]) -> Vec<Vec<f64>> {
-        let (g, remaining) = (self.departures.len() as f64, self.found.remaining());
-        let variance = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
-        let precisions = self.found.prior_precisions();
-        // Of each quantity all deviations that its variance is the sum of squares of.
-        let deviations = |gradient: &DVector<f64>| {
-            let values: Vec<f64> = self.departures.iter().map(|d| gradient.dot(d)).collect();
-            let mean = values.iter().sum::<f64>() / g.max(1.0);
-            let clusters = values.into_iter().map(|v| ((g - 1.0) / g).sqrt() * (v - mean));
-            let direction = &self.covariance * gradient;
-            let scale = (self.inflation / variance).sqrt();
-            let beforehand =
-                precisions.iter().zip(direction.iter()).map(|(p, d)| scale * p.sqrt() * d);
-            let clusters = clusters.filter(|_| self.moderated.is_none());
-            let all = clusters.chain(beforehand).chain([gradient.dot(&remaining)]);
-            DVector::from_vec(all.collect())
-        };
-        let all: Vec<DVector<f64>> = gradients.iter().map(deviations).collect();
-        let moderated = |i: usize, j: usize| {
-            let covariance = self.moderated.as_ref()?;
-            Some(gradients[i].dot(&(covariance * &gradients[j])))
-        };
-        let of = |i: usize, j: usize| all[i].dot(&all[j]) + moderated(i, j).unwrap_or(0.0);
-        let deviation: Vec<f64> =
-            gradients.iter().map(|gradient| self.along(gradient).0.max(0.0).sqrt()).collect();
-        let correlation = |i: usize, j: usize| match (of(i, i) * of(j, j)).sqrt() {
-            _ if i == j => 1.0,
-            product if product > 0.0 => of(i, j) / product,
+        let remaining = self.found.remaining();
+        let unit = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
+        let precisions = DVector::from_vec(self.found.prior_precisions());
+        let beforehand =
+            &self.covariance * DMatrix::from_diagonal(&precisions) * &self.covariance / unit;
+        let all =
+            self.of_readings() + beforehand * self.inflation + &remaining * remaining.transpose();
+        let rows = |i: usize, j: usize| gradients[i].dot(&(&all * &gradients[j]));
+        let variances: Vec<f64> = gradients.iter().map(|gradient| self.along(gradient).0).collect();
+        let widened = |i: usize| match rows(i, i) {
+            own if own > 0.0 => (variances[i] / own).sqrt(),
             _ => 0.0,
         };
-        let row = |i: usize| {
-            let all = deviation.iter().enumerate();
-            all.map(|(j, other)| correlation(i, j) * deviation[i] * other).collect()
+        let of = |i: usize, j: usize| match i == j {
+            true => variances[i],
+            false => widened(i) * widened(j) * rows(i, j),
         };
-        (0..all.len()).map(row).collect()
+        (0..gradients.len()).map(|i| (0..gradients.len()).map(|j| of(i, j)).collect()).collect()
     }
 }
 

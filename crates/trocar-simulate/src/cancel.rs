@@ -89,8 +89,9 @@ pub fn is_cancelled(unwinding: &(dyn Any + Send)) -> bool {
     unwinding.is::<Unwinding>()
 }
 
-/// Whether the work of this thread was cancelled: for many short pieces, which take longer to unwind than to skip.
-pub fn is_requested() -> bool {
+/// Whether the work of this thread was cancelled: for many short pieces, which take longer to unwind
+/// than to skip.
+pub(crate) fn is_requested() -> bool {
     FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)))
 }
 

@@ -101,6 +101,14 @@ fn half_widths_of_seals_that_let_go_by_a_jump_are_those_of_the_best_fit() {
     assert!(errors.len() == 3 && errors.iter().sum::<f64>() < 0.04, "{errors:?}");
 }
 
+/// Strokes of these seals happen to scatter less along a parameter than the curvature of the cost allows:
+/// by their scatter alone one interval of each is too narrow.
+#[test]
+fn intervals_are_at_least_as_wide_as_the_curvature_of_the_cost_allows() {
+    let outcomes = outcomes_of(&["drawn_strokes"], &[7, 22, 88]);
+    assert_eq!(confidently_wrong(&outcomes), 0.0);
+}
+
 /// Side force, tilt and pressure are recorded on all of them, and act on some.
 #[test]
 fn loads_are_found_where_they_act_and_nowhere_else() {
