@@ -50,6 +50,7 @@ pub mod registry;
 pub mod rows;
 mod samples;
 mod screen;
+mod smoothing;
 mod statistics;
 mod tables;
 mod text;

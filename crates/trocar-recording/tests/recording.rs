@@ -1416,6 +1416,147 @@ fn a_small_pulse_that_repeats_is_not_lost_in_the_noise() {
     assert!((value - 0.05).abs() < 0.01 && signal < 0.025, "{value} {signal}");
 }
 
+/// m/s: no whole number of counts a sample.
+const SPEED: f64 = 0.0473;
+
+/// Strokes of 40 mm that turn with `turn` m/s²: positions and accelerations at `time`.
+fn strokes(time: &[f64], turn: f64) -> [Vec<f64>; 2] {
+    let (mut x, mut v, mut a) = (0.0, 0.0, turn);
+    let mut all = [vec![], vec![]];
+    for pair in time.windows(2) {
+        all.iter_mut().zip([x, a]).for_each(|(column, own)| column.push(own));
+        let h = pair[1] - pair[0];
+        a = match v {
+            v if x > 0.04 => (-turn).max((-SPEED - v) / h),
+            v if x < 0.0 => turn.min((SPEED - v) / h),
+            _ => a,
+        };
+        if v.abs() >= SPEED && v * a > 0.0 {
+            a = 0.0;
+        }
+        (x, v) = (x + h * (v + 0.5 * h * a), v + h * a);
+    }
+    all
+}
+
+/// The counts of an encoder tell more than their step: at constant speed the velocity from one
+/// sample to the next errs by less than a fiftieth of what that of the counts does, where the
+/// instrument turns by less than a third, even within 19 samples; on an uneven clock, too.
+#[test]
+fn smoothed_positions_are_nearer_to_the_motion_than_the_counts() {
+    for (step, turn) in [(50e-6, 0.5), (20e-6, 2.0), (5e-6, 5.0)] {
+        for time in [uneven(20_000), (0..20_001).map(|k| 1e-3 * f64::from(k)).collect()] {
+            let [exact, acceleration] = strokes(&time, turn);
+            let time = time[..exact.len()].to_vec();
+            let counts: Vec<f64> = exact.iter().map(|x| (x / step).round() * step).collect();
+            let force: Vec<f64> = (0..time.len()).map(noise).collect();
+            let recording =
+                Recording::from_columns("counts", time.clone(), counts.clone(), force).unwrap();
+            let smooth = recording.smoothed();
+            assert_eq!(smooth.smoothed().position, smooth.position, "smoothed twice");
+            // By class: at constant speed, and within 10 ms of an acceleration.
+            let is_near = |k: usize| acceleration[k - 10..k + 10].iter().any(|a| *a != 0.0);
+            let rms = |near: bool, error: &dyn Fn(usize) -> f64| {
+                let own = (20..time.len() - 20).filter(|k| is_near(*k) == near);
+                let (squares, n) = own.fold((0.0, 0.0), |s, k| (s.0 + error(k).powi(2), s.1 + 1.0));
+                (squares / n as f64).sqrt()
+            };
+            let ratio = |near: bool, of: fn(&[f64], &[f64], &[f64], usize) -> f64| {
+                let each =
+                    [&smooth.position, &counts].map(|x| rms(near, &|k| of(x, &exact, &time, k)));
+                each[0] / each[1]
+            };
+            let place = |x: &[f64], exact: &[f64], _: &[f64], k: usize| x[k] - exact[k];
+            let speed = |x: &[f64], exact: &[f64], t: &[f64], k: usize| {
+                (x[k] - x[k - 1] - exact[k] + exact[k - 1]) / (t[k] - t[k - 1])
+            };
+            let found =
+                [ratio(false, place), ratio(false, speed), ratio(true, place), ratio(true, speed)];
+            let [over_five, over_windows] =
+                [local_acceleration(&smooth, 4e-3), recording.acceleration()]
+                    .map(|a| rms(true, &|k| a[k] - acceleration[k]));
+            println!(
+                "steps of {step} m, turning with {turn} m/s²: {found:.3?}, accelerations {:.3}",
+                over_five / over_windows
+            );
+            assert!(over_five < 0.9 * over_windows, "{over_five} {over_windows}");
+            assert!(
+                found[0] < 0.3 && found[1] < 0.02 && found[2] < 0.8 && found[3] < 0.3,
+                "{found:?}"
+            );
+        }
+    }
+}
+
+/// A long recording is smoothed in pieces, which does not show, and a jump of the counter is no motion.
+#[test]
+fn neither_pieces_nor_resets_show_in_smoothed_positions() {
+    let time: Vec<f64> = (0..12_001).map(|k| 1e-3 * f64::from(k)).collect();
+    let [exact, _] = strokes(&time, 1.0);
+    let smooth = |from: usize, jump: f64| {
+        let counts = exact.iter().enumerate().skip(from);
+        let counts = counts.map(|(k, x)| (x / 1e-5).round() * 1e-5 + f64::from(k > 6000) * jump);
+        let (time, position): (Vec<f64>, Vec<f64>) =
+            (time[from..exact.len()].to_vec(), counts.collect());
+        let force = vec![0.0; time.len()];
+        let recording = Recording::from_columns("counts", time, position, force).unwrap();
+        (recording.quality.resets.len(), recording.smoothed().position.clone())
+    };
+    let (none, whole) = smooth(0, 0.0);
+    let (_, later) = smooth(1500, 0.0);
+    let (resets, jumped) = smooth(0, 1.0);
+    assert_eq!((none, resets), (0, 1));
+    let off = |k: usize, other: f64| (whole[k] - other).abs();
+    let by_pieces =
+        (2000..exact.len()).fold(0.0_f64, |worst, k| worst.max(off(k, later[k - 1500])));
+    let before = (0..5900).fold(0.0_f64, |worst, k| worst.max(off(k, jumped[k])));
+    let after = (6100..exact.len()).fold(0.0_f64, |worst, k| worst.max(off(k, jumped[k] - 1.0)));
+    println!("pieces {by_pieces:.1e} m, before a reset {before:.1e} m, after it {after:.1e} m");
+    assert!(by_pieces < 5e-7 && before < 2e-6 && after < 2e-6);
+}
+
+/// Intervals of any size leave numbers, near the readings.
+#[test]
+fn smoothed_positions_are_numbers_whatever_the_clock() {
+    for interval in [1e-90, 1e-30, 1e-3, 1e6, 1e60] {
+        let time: Vec<f64> = (0..500).map(|k| interval * f64::from(k)).collect();
+        let position: Vec<f64> = (0..500).map(|k| 1e-5 * f64::from(k % 97)).collect();
+        let Ok(recording) =
+            Recording::from_columns("odd", time, position, (0..500).map(noise).collect())
+        else {
+            continue;
+        };
+        let off =
+            recording.smoothed().position.iter().zip(&recording.position).fold(
+                0.0_f64,
+                |worst, (a, b)| {
+                    worst.max(if a.is_finite() { (a - b).abs() } else { f64::INFINITY })
+                },
+            );
+        println!("intervals of {interval:e} s: {off:.1e} m off");
+        assert!(off < 1e-3, "{interval}: {off}");
+    }
+}
+
+/// Positions without an error stay what they are, however suddenly the instrument is pushed.
+#[test]
+fn exact_positions_are_not_smoothed() {
+    let time: Vec<f64> = (0..20_001).map(|k| 1e-3 * f64::from(k)).collect();
+    for turn in [0.5, 50.0] {
+        let [exact, _] = strokes(&time, turn);
+        let (time, force) = (time[..exact.len()].to_vec(), vec![0.0; exact.len()]);
+        let recording = Recording::from_columns("exact", time, exact.clone(), force).unwrap();
+        let off = recording
+            .smoothed()
+            .position
+            .iter()
+            .zip(&exact)
+            .fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+        println!("turning with {turn} m/s²: {off:.1e} m off");
+        assert!(off < 1e-6, "{off}");
+    }
+}
+
 /// A coarse encoder does not put its counts into the force from which inertia is subtracted.
 #[test]
 fn the_steps_of_an_encoder_do_not_become_inertia() {
