@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::Recording;
 
 /// Samples over which the readings tell the position where q is what the first round begins with, and
-/// rounds: with half or twice as many of either the positions err by at most a seventh more.
+/// rounds: with twice as many samples, or with six or twenty rounds, positions err by at most a tenth more.
 const BEGIN: f64 = 10.0;
 const ROUNDS: usize = 10;
 /// Samples on either side over which q is averaged.
@@ -28,8 +28,8 @@ const AROUND: usize = 3;
 /// Variances of a motion of which nothing is known: of the velocity, m²/s², and of the acceleration, m²/s⁴.
 const SPEED: f64 = 10.0;
 const ACCELERATION: f64 = 1e4;
-/// Samples smoothed at a time, and on either side of them those that these need: memory does not grow
-/// with the recording.
+/// Samples smoothed at a time, and on either side of them those that these need: states of all samples
+/// take four times the memory of time, position and force.
 const AT_A_TIME: usize = 4096;
 const BESIDE: usize = 512;
 

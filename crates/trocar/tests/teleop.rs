@@ -1466,17 +1466,12 @@ proptest! {
             let rate = 300.0 * (part * (1.0 - part)).powi(2);
             (surface + moved * part.powi(3) * (10.0 + part * (6.0 * part - 15.0)), moved * rate)
         };
+        let samples = run(&config, &trocar, 20.0, hand);
         let fastest = |part: &[Sample]| {
             part.iter().map(|s| s.leader_velocity.abs().max(s.follower_velocity.abs())).fold(0.0, f64::max)
         };
-        let falls = |seconds: usize| {
-            let samples = run(&config, &trocar, seconds as f64, hand);
-            let [half_way, last] = [500, 1000].map(|k| fastest(&samples[k * seconds - 1000..k * seconds]));
-            (last < 2e-3_f64.max(0.8 * half_way), last)
-        };
-        // Near the limit of stability a loop swings for minutes.
-        let (falls_soon, last) = falls(20);
-        prop_assert!(falls_soon || falls(100).0, "{} {} m/s", name, last);
+        let [half_way, last] = [9_000, 19_000].map(|k| fastest(&samples[k..k + 1000]));
+        prop_assert!(last < 2e-3_f64.max(0.8 * half_way), "{} {} m/s", name, last);
     }
 }
 
