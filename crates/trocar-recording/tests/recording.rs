@@ -1459,7 +1459,7 @@ fn smoothed_positions_are_nearer_to_the_motion_than_the_counts() {
             let rms = |near: bool, error: &dyn Fn(usize) -> f64| {
                 let own = (20..time.len() - 20).filter(|k| is_near(*k) == near);
                 let (squares, n) = own.fold((0.0, 0.0), |s, k| (s.0 + error(k).powi(2), s.1 + 1.0));
-                (squares / n as f64).sqrt()
+                (squares / n).sqrt()
             };
             let ratio = |near: bool, of: fn(&[f64], &[f64], &[f64], usize) -> f64| {
                 let each =

@@ -71,7 +71,7 @@ fn outcome(config: &PlanConfig, motion: &Course, k: u64) -> Vec<(f64, bool)> {
 static OUTCOMES: LazyLock<Vec<Vec<(f64, bool)>>> = LazyLock::new(|| {
     let config = PlanConfig::default();
     let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
-    (1..=benches(32, 60)).into_par_iter().map(|k| outcome(&config, &planned.course, k)).collect()
+    (1..=benches(32, 120)).into_par_iter().map(|k| outcome(&config, &planned.course, k)).collect()
 });
 
 /// F_c, β and c by the mean square of their errors; joins by the median: where several are within reach, the error of

@@ -195,24 +195,29 @@ fn an_unmodelled_mass_does_not_bias_the_friction_of_few_strokes() {
 }
 
 /// A mass whose inertia is comparable to the friction is subtracted well enough for the intervals
-/// to hold; beyond that the result is doubtful. Blurred accelerations made F_c of the third seal
-/// 2.7 standard errors too large.
+/// to hold; beyond that the result is doubtful.
 #[test]
 fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
     let with = |mass: f64, seed: u64| {
         let mut config = BenchConfig::default();
         config.rod.mass_kg = mass;
-        found_on(&config, seed)
-    };
-    for (mass, seed) in [(0.3, 9), (0.3, 12), (0.3, 21), (1.0, 12)] {
-        let (truth, found) = with(mass, seed);
+        let (truth, found) = found_on(&config, seed);
         let doubted = found.warnings.iter().any(|w| w.doubtful && w.message.contains("inertia of"));
-        println!("{mass} kg, seal {seed}: named {doubted}");
-        assert_eq!(doubted, mass > 0.5, "{mass} {seed}");
         let main = known(&truth, &found).into_iter().take(3);
         let held = main.filter(|(_, value, estimate)| estimate.covers(*value)).count();
-        assert!(doubted || held == 3, "{mass} {seed}: {held} of 3");
+        let mass = found.parameter("unmodelled_mass_kg").expect("it moves").value;
+        (doubted, held, mass)
+    };
+    for seed in [9, 12, 21] {
+        assert!(!with(0.3, seed).0, "{seed}");
     }
+    assert!(with(1.0, 12).0);
+    let benches = benches(12, 48);
+    let all: Vec<_> = (1..=benches).into_par_iter().map(|seed| with(0.3, seed)).collect();
+    let held = all.iter().map(|one| one.1).sum::<usize>() as f64 / (3.0 * benches as f64);
+    let mean = all.iter().map(|one| one.2).sum::<f64>() / benches as f64;
+    println!("0.3 kg: {held:.3} of F_c, beta and c held, {mean:.4} kg found");
+    assert!(held > 0.9 && (mean / 0.3 - 1.0).abs() < 0.01, "{held} {mean}");
 }
 
 /// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all
@@ -313,23 +318,31 @@ fn a_motion_that_stops_at_once_does_not_bias_a_viscous_seal() {
 /// lets go at a force that a fit from below never sees.
 #[test]
 fn strokes_that_stick_and_slip_do_not_hide_the_static_force() {
-    for seed in 1..=4 {
+    let benches = benches(16, 48);
+    let errors = |seed: u64| {
         let mut truth = seal(seed);
         for sliding in [&mut truth.insertion, &mut truth.withdrawal] {
             sliding.coulomb_force /= 1.2;
             sliding.stribeck_velocity = 9e-3;
         }
         let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], seed), seed);
-        let swings = found.stick_slip.as_ref().expect("slow strokes swing");
-        assert!(swings.speed_m_s[1] < 0.06, "{swings:?}");
-        for (name, truth, most) in [
-            ("static_force_n", truth.insertion.static_force, 0.05),
-            ("coulomb_force_n", truth.insertion.coulomb_force, 0.03),
-            ("half_width_m", truth.deformation.half_width(), 0.06),
-        ] {
-            let ratio = found.parameter(name).unwrap().value / truth;
-            assert!((ratio - 1.0).abs() < most, "{name} of seal {seed}: {ratio} of the truth");
+        if seed <= 4 {
+            let swings = found.stick_slip.as_ref().expect("slow strokes swing");
+            assert!(swings.speed_m_s[1] < 0.06, "{swings:?}");
         }
+        let off = |name: &str, truth: f64| found.parameter(name).unwrap().value / truth - 1.0;
+        [
+            off("static_force_n", truth.insertion.static_force),
+            off("coulomb_force_n", truth.insertion.coulomb_force),
+            off("half_width_m", truth.deformation.half_width()),
+        ]
+    };
+    let all: Vec<[f64; 3]> = (1..=benches).into_par_iter().map(errors).collect();
+    for (k, name, most) in [(0, "F_s", 0.05), (1, "F_c", 0.03), (2, "c", 0.06)] {
+        let within = all.iter().filter(|one| one[k].abs() < most).count() as f64;
+        let rms = (all.iter().map(|one| one[k].powi(2)).sum::<f64>() / benches as f64).sqrt();
+        println!("{name}: {within} of {benches} within {most}, {rms:.4} rms");
+        assert!(within >= 0.93 * benches as f64 && rms < 0.5 * most, "{name} {within} {rms}");
     }
 }
 
