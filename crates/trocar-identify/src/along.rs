@@ -3,14 +3,14 @@
 //! The profile is fitted where strokes repeat, and only to readings taken while sliding. If all
 //! strokes reverse at the same positions, position and deflection cannot be separated while the
 //! seal deforms. The profile is kept if it improves the prediction of held-out cycles. The element
-//! is then refitted to the readings with the profile removed.
+//! is then refitted to the readings with the profile removed. With both the seal yields no energy.
 
 use super::element::{self, ElementFit, Input};
 use rayon::prelude::*;
-use trocar_model::Trocar;
+use trocar_model::{Stages, Trocar};
 
 use trocar_recording::{Recording, range};
-use trocar_simulate::profile::{self, ProfileFit, ProfileSample};
+use trocar_simulate::profile::{self, NoProfile, ProfileFit, ProfileSample, is_passive};
 use trocar_simulate::replay::replay;
 use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{Segments, reversal_threshold, strokes};
@@ -24,9 +24,16 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     if !(input.options.along && repeats(input.recordings)) {
         return (Some(fit), Ok(None));
     }
-    let profile = match profile(input, &fit) {
-        Ok(profile) => profile,
-        Err(why) => return (Some(fit), Err(why)),
+    // Without the dependence on the position the deformation force may fall no longer.
+    let (profile, unless_refitted) = match profile(input, &fit) {
+        Ok(profile) => (profile, None),
+        Err(reason) => {
+            let words = reason.to_string();
+            let NoProfile::NotDissipative { any, .. } = reason else {
+                return (Some(fit), Err(words));
+            };
+            (*any, Some(words))
+        }
     };
     let without = |r: &Recording| {
         let mut without = r.clone();
@@ -37,18 +44,26 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     };
     let recordings: Vec<Recording> = input.recordings.iter().map(without).collect();
     let without = Input { recordings: &recordings, ..*input };
-    // A refit with a larger error than its start has failed.
+    // A refit with a larger error than its start has failed, and so has one with which the seal yields energy.
     let error =
         |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
     let (constant, kept) = (error(input, &fit), error(&without, &fit));
     let again = element::again(&without, &fit).map(|again| (error(&without, &again), again));
+    let stays_passive = |fit: &ElementFit| {
+        let stages = fit.fitted.best.candidate.stages();
+        stages.is_ok_and(|stages| is_passive(&profile.profile, storage_length(stages)))
+    };
     let (along, again) = again
-        .filter(|(along, _)| *along <= kept)
+        .filter(|(along, again)| *along <= kept && stays_passive(again))
         .map_or((kept, None), |(e, again)| (e, Some(again)));
-    if along > constant {
-        let why = format!(
-            "with a profile the error over the whole motion is {along:.4} N rms, without {constant:.4} N"
-        );
+    let why_not = unless_refitted.filter(|_| again.is_none()).or_else(|| {
+        (along > constant).then(|| {
+            format!(
+                "with a profile the error over the whole motion is {along:.4} N rms, without {constant:.4} N"
+            )
+        })
+    });
+    if let Some(why) = why_not {
         return (Some(fit), Err(why));
     }
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
@@ -61,9 +76,9 @@ pub(super) fn repeats(recordings: &[Recording]) -> bool {
     })
 }
 
-fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
+fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, NoProfile> {
     let candidate = &fit.fitted.best.candidate;
-    let stages = candidate.stages().map_err(|e| e.to_string())?;
+    let stages = candidate.stages().expect("it was fitted");
     let trocar = Trocar::of_seal(stages);
     let (mut samples, mut cycles) = (Vec::new(), 0);
     let run = |recording: &Recording| {
@@ -82,8 +97,12 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
         }));
         cycles += cycle.iter().max().map_or(0, |last| last + 1);
     }
-    let storage = stages.elements().iter().map(profile::storage_length).fold(0.0, f64::max);
-    profile::fit(&samples, storage).map_err(|e| e.to_string())
+    profile::fit(&samples, storage_length(stages))
+}
+
+/// ℓ, m: that of the element for which it is longest.
+fn storage_length(stages: Stages) -> f64 {
+    stages.elements().iter().map(profile::storage_length).fold(0.0, f64::max)
 }
 
 /// Whether all strokes reverse at the same two positions, within a tenth of their length.

@@ -1,15 +1,17 @@
-//! The motion between the counts of an encoder and beneath the noise of its readings.
+//! The motion between the counts of an encoder.
 //!
 //! ```text
 //! y_i = x(t_i) + ε_i        d³x/dt³ = w(t)        ε_i ~ N(0, r²)        w ~ white noise of intensity q(t)
-//! r = max(noise, step/√12)        q_i = mean over a few samples of E[(a_i − a_(i−1))² | y]/(t_i − t_(i−1))
+//! r = step/√12        q_i = mean over a few samples of E[(a_i − a_(i−1))² | y]/(t_i − t_(i−1))
 //! ```
 //! Given q, a Kalman filter and its smoother (RAUCH) give the expected position, velocity and
 //! acceleration a at every sample, and their variances. q is their own maximum likelihood estimate
 //! (expectation maximisation, SHUMWAY), in a few rounds: large where the instrument turns or is
 //! pushed, tiny where it slides at constant speed, so neither is blurred for the other. Readings as
 //! such would bias what depends on the velocity from one sample to the next: the viscous damping,
-//! and where a seal whose friction falls with speed begins to stick.
+//! and where a seal whose friction falls with speed begins to stick. Scatter beyond the rounding stays:
+//! it may be that of the clock (ZILLEN: milliseconds in which the instrument moves 10 µm), and then the
+//! readings are the positions at which the force was read.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -38,11 +40,11 @@ type State = (Vector3<f64>, Matrix3<f64>);
 
 impl Recording {
     /// The recording with the expected positions, and their error as noise; itself where the readings
-    /// have none, or are smoothed.
+    /// are not rounded, or are smoothed.
     #[must_use]
     pub fn smoothed(&self) -> Cow<'_, Self> {
         let quality = &self.quality;
-        let error = quality.position_noise.max(quality.position_resolution / 12_f64.sqrt());
+        let error = quality.position_resolution / 12_f64.sqrt();
         if error == 0.0 || quality.smoothed {
             return Cow::Borrowed(self);
         }
@@ -61,7 +63,8 @@ impl Recording {
         let mut out = self.clone();
         out.position = pieces.iter().flatten().map(|own| own.0).collect();
         let variance: f64 = pieces.iter().flatten().map(|own| own.1).sum();
-        out.quality.position_noise = (variance / self.len().max(1) as f64).sqrt();
+        let beyond = (quality.position_noise.powi(2) - error.powi(2)).max(0.0);
+        out.quality.position_noise = (variance / self.len().max(1) as f64 + beyond).sqrt();
         out.quality.smoothed = true;
         Cow::Owned(out)
     }

@@ -126,11 +126,15 @@ pub enum NoProfile {
         /// Folds.
         folds: usize,
     },
-    /// No fit keeps the gain positive and slow enough.
+    /// Held-out cycles are predicted better, but the gain varies too fast for the seal.
     #[error(
-        "every profile found would let the seal yield energy (storage length {storage_length} m)"
+        "the error on held-out cycles is {:.4} N with a profile and {:.4} N without, but its gain varies so fast that \
+         this seal, whose deformation force falls in parts, could yield energy",
+        .any.held_out_rms_n, .any.constant_held_out_rms_n
     )]
     NotDissipative {
+        /// The best profile of any slope.
+        any: Box<ProfileFit>,
         /// ℓ, m.
         storage_length: f64,
     },
@@ -154,8 +158,19 @@ pub fn cycles(recording: &Recording, strokes: &[Stroke]) -> Vec<usize> {
 ///
 /// # Errors
 /// [`NoProfile`] with the reason; [`NoProfile::NotBetter`] when the force does not depend on the
-/// position.
+/// position, [`NoProfile::NotDissipative`] when it does, but too fast.
 pub fn fit(samples: &[ProfileSample], storage_length: f64) -> Result<ProfileFit, NoProfile> {
+    match passive(samples, storage_length) {
+        Err(NoProfile::NotBetter { .. }) if storage_length > 0.0 => {
+            let any = Box::new(passive(samples, 0.0)?);
+            Err(NoProfile::NotDissipative { any, storage_length })
+        }
+        found => found,
+    }
+}
+
+/// The best profile with which a seal of `storage_length` stays dissipative.
+fn passive(samples: &[ProfileSample], storage_length: f64) -> Result<ProfileFit, NoProfile> {
     let mut data = Data::new(samples)?;
     data.gain_is_free = storage_length.is_finite();
     let mut weights = huber(&data.residuals(|s| data.constant_reading(s)));
@@ -341,7 +356,11 @@ impl<'a> Data<'a> {
         let as_good = candidates.into_iter().filter(|c| c.held_out <= AS_GOOD * AS_GOOD * least);
         let stiffest =
             as_good.min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
-        stiffest.ok_or(NoProfile::NotDissipative { storage_length })
+        stiffest.ok_or_else(|| {
+            let constant = rms(self.residuals(|s| self.constant_reading(s)).into_iter());
+            let (better_folds, folds) = (0, self.folds);
+            NoProfile::NotBetter { profile: constant, constant, better_folds, folds }
+        })
     }
 
     fn candidate(
