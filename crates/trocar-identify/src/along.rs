@@ -3,7 +3,7 @@
 //! The profile is fitted where strokes repeat, and only to readings taken while sliding. If all
 //! strokes reverse at the same positions, position and deflection cannot be separated while the
 //! seal deforms. The profile is kept if it improves the prediction of held-out cycles. The element
-//! is then refitted to the readings with the profile removed. With both the seal yields no energy.
+//! is then refitted to the readings with the profile removed. Together they stay passive.
 
 use super::element::{self, ElementFit, Input};
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     if !(input.options.along && repeats(input.recordings)) {
         return (Some(fit), Ok(None));
     }
-    // Without the dependence on the position the deformation force may fall no longer.
+    // With the position dependence removed, the deformation force may no longer fall.
     let (profile, unless_refitted) = match profile(input, &fit) {
         Ok(profile) => (profile, None),
         Err(reason) => {

@@ -1488,6 +1488,23 @@ fn smoothed_positions_are_nearer_to_the_motion_than_the_counts() {
     }
 }
 
+/// Scatter beyond the rounding may be that of the clock: it stays, and is still named.
+#[test]
+fn scatter_beyond_the_counts_is_not_smoothed() {
+    let time: Vec<f64> = (0..20_001).map(|k| 1e-2 * f64::from(k)).collect();
+    let [exact, _] = strokes(&time, 1.0);
+    let time = time[..exact.len()].to_vec();
+    let counts = (0..exact.len()).map(|k| ((exact[k] + 4e-4 * noise(k)) / 1e-6).round() * 1e-6);
+    let (position, force): (Vec<f64>, Vec<f64>) = (counts.collect(), vec![0.0; time.len()]);
+    let recording = Recording::from_columns("clock", time, position, force).unwrap();
+    let smooth = recording.smoothed();
+    let pairs = smooth.position.iter().zip(&recording.position);
+    let moved = pairs.fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+    let [before, after] = [&recording, &*smooth].map(|r| r.quality.position_noise);
+    println!("moved by {moved:.1e} m, noise {before:.1e} and {after:.1e} m");
+    assert!(moved < 2e-6 && before > 3e-6 && (after / before - 1.0).abs() < 0.05);
+}
+
 /// A long recording is smoothed in pieces, which does not show, and a jump of the counter is no motion.
 #[test]
 fn neither_pieces_nor_resets_show_in_smoothed_positions() {

@@ -105,7 +105,7 @@ fn no_profile_is_seen_where_there_is_none() {
 
 /// The reason is not that the force does not depend on the position, where it does.
 #[test]
-fn a_profile_that_the_seal_does_not_permit_is_told_from_none() {
+fn a_profile_that_the_seal_does_not_permit_is_distinguished_from_none() {
     let samples = samples(|_| 0.7, |x| 1.0 + 0.4 * wave(x), 3);
     let free = fit(&samples, 0.0).expect("a clear profile");
     for length in [10.0, f64::INFINITY] {
@@ -368,10 +368,10 @@ fn a_real_seal_with_its_profile_yields_no_energy() {
     }
 }
 
-/// Positions that differ by half a micrometre are the same recording: most copies of it get the profile, and none is told
+/// Positions that differ by half a micrometre are the same recording: most copies of it get the profile, and of none is said
 /// that its force does not depend on the position.
 #[test]
-fn a_profile_of_a_real_seal_does_not_hang_on_half_a_micrometre() {
+fn a_profile_of_a_real_seal_does_not_depend_on_half_a_micrometre() {
     let Some([recording]) = real_seals(["x_ring257_1bar"]) else { return };
     let copy = |seed: u64| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);

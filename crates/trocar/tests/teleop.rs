@@ -1452,10 +1452,10 @@ fn fastest(config: &Config, trocar: &Trocar, moved: f64, at: [usize; 2]) -> [f64
     })
 }
 
-/// A stable loop near its limit swings for minutes, and comes to rest all the same: the verdict holds where ten seconds do not
-/// show it.
+/// A stable loop near its limit swings for a hundred seconds, and comes to rest all the same: the verdict holds where ten seconds
+/// hardly show it.
 #[test]
-fn a_stable_loop_near_its_limit_decays_for_minutes() {
+fn a_stable_loop_near_its_limit_decays_slowly() {
     let (name, trocar) = all_kinds().swap_remove(5);
     assert_eq!(name, "ems_slow");
     let mut config = Config::default();
@@ -1467,7 +1467,8 @@ fn a_stable_loop_near_its_limit_decays_for_minutes() {
     let [early, late] = fastest(&config, &trocar, 0.01, [9, 19]);
     let [later, last] = fastest(&config, &trocar, 0.01, [57, 99]);
     println!("{early:.4}, {late:.4}, {later:.4}, {last:.4} m/s");
-    assert!(late < early && later < 0.6 * late && last < 0.6 * later, "{later} {last}");
+    assert!(late < early && late > 0.8 * early, "{early} {late}");
+    assert!(later < 0.6 * late && last < 0.6 * later, "{later} {last}");
 }
 
 proptest! {

@@ -117,7 +117,8 @@ pub enum NoProfile {
          {better_folds} of {folds} parts: no repeatable dependence on the position"
     )]
     NotBetter {
-        /// Held-out error with the best profile, N, with Huber's weights.
+        /// Held-out error with the best profile, N, with Huber's weights; that of the constant where the
+        /// seal permits no profile.
         profile: f64,
         /// Held-out error of the constant, N, likewise.
         constant: f64,
@@ -128,8 +129,8 @@ pub enum NoProfile {
     },
     /// Held-out cycles are predicted better, but the gain varies too fast for the seal.
     #[error(
-        "the error on held-out cycles is {:.4} N with a profile and {:.4} N without, but its gain varies so fast that \
-         this seal, whose deformation force falls in parts, could yield energy",
+        "the error on held-out cycles is {:.4} N with a profile and {:.4} N without, but this seal, whose deformation \
+         force falls in parts, could yield energy where its gain varies so fast",
         .any.held_out_rms_n, .any.constant_held_out_rms_n
     )]
     NotDissipative {
@@ -162,8 +163,11 @@ pub fn cycles(recording: &Recording, strokes: &[Stroke]) -> Vec<usize> {
 pub fn fit(samples: &[ProfileSample], storage_length: f64) -> Result<ProfileFit, NoProfile> {
     match passive(samples, storage_length) {
         Err(NoProfile::NotBetter { .. }) if storage_length > 0.0 => {
-            let any = Box::new(passive(samples, 0.0)?);
-            Err(NoProfile::NotDissipative { any, storage_length })
+            let any = passive(samples, 0.0)?;
+            if is_passive(&any.profile, storage_length) {
+                return Ok(any);
+            }
+            Err(NoProfile::NotDissipative { any: Box::new(any), storage_length })
         }
         found => found,
     }
