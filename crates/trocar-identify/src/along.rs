@@ -7,10 +7,12 @@
 
 use super::element::{self, ElementFit, Input};
 use rayon::prelude::*;
-use trocar_model::{Stages, Trocar};
+use trocar_model::Trocar;
 
 use trocar_recording::{Recording, range};
-use trocar_simulate::profile::{self, NoProfile, ProfileFit, ProfileSample, is_passive};
+use trocar_simulate::profile::{
+    self, NoProfile, ProfileFit, ProfileSample, is_passive, longest_storage,
+};
 use trocar_simulate::replay::replay;
 use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{Segments, reversal_threshold, strokes};
@@ -51,19 +53,18 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     let again = element::again(&without, &fit).map(|again| (error(&without, &again), again));
     let stays_passive = |fit: &ElementFit| {
         let stages = fit.fitted.best.candidate.stages();
-        stages.is_ok_and(|stages| is_passive(&profile.profile, storage_length(stages)))
+        stages.is_ok_and(|stages| is_passive(&profile.profile, longest_storage(&stages)))
     };
     let (along, again) = again
         .filter(|(along, again)| *along <= kept && stays_passive(again))
         .map_or((kept, None), |(e, again)| (e, Some(again)));
-    let why_not = unless_refitted.filter(|_| again.is_none()).or_else(|| {
-        (along > constant).then(|| {
-            format!(
-                "with a profile the error over the whole motion is {along:.4} N rms, without {constant:.4} N"
-            )
-        })
-    });
-    if let Some(why) = why_not {
+    if let Some(why) = unless_refitted.filter(|_| again.is_none()) {
+        return (Some(fit), Err(why));
+    }
+    if along > constant {
+        let why = format!(
+            "with a profile the error over the whole motion is {along:.4} N rms, without {constant:.4} N"
+        );
         return (Some(fit), Err(why));
     }
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
@@ -97,12 +98,7 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, NoProfile> {
         }));
         cycles += cycle.iter().max().map_or(0, |last| last + 1);
     }
-    profile::fit(&samples, storage_length(stages))
-}
-
-/// ℓ, m: that of the element for which it is longest.
-fn storage_length(stages: Stages) -> f64 {
-    stages.elements().iter().map(profile::storage_length).fold(0.0, f64::max)
+    profile::fit(&samples, longest_storage(&stages))
 }
 
 /// Whether all strokes reverse at the same two positions, within a tenth of their length.

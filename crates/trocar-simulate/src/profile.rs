@@ -45,7 +45,7 @@
 //! ```
 //! ([`storage_length`], [`is_passive`]): sufficient, not necessary.
 
-use trocar_model::{Element, PositionProfile, SlidingFriction};
+use trocar_model::{Element, PositionProfile, SlidingFriction, Stages};
 
 pub use trocar_model::profile::FADE;
 pub use trocar_runtime::profile::{Departure, LEAST_DEPARTURE, MEAN_TOLERANCE, MOST_KNOTS};
@@ -60,6 +60,11 @@ mod fit;
 pub fn is_passive<K: AsRef<[f64]>>(profile: &PositionProfile<K>, storage_length: f64) -> bool {
     let steepness = profile.steepness();
     steepness == 0.0 || steepness * storage_length <= 1.0
+}
+
+/// ℓ of a seal, m: that of the element for which it is longest.
+pub fn longest_storage(stages: &Stages) -> f64 {
+    stages.elements().iter().map(storage_length).fold(0.0, f64::max)
 }
 
 /// ℓ, m: the fall of the seal's mid curve divided by the smallest sliding force, times its half

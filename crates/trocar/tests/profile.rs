@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::profile::{
-    Departure, NoProfile, ProfileSample, cycles, fit, is_passive, storage_length,
+    Departure, NoProfile, ProfileSample, cycles, fit, is_passive, longest_storage, storage_length,
 };
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::segment::{reversal_threshold, strokes};
@@ -362,8 +362,7 @@ fn a_real_seal_with_its_profile_yields_no_energy() {
             identify(&[recording], &IdentifyOptions::default(), &|_, _| {}).expect("it slides");
         let trocar = found.trocar();
         let profile = trocar.profile().expect("its force depends on the position");
-        let elements = trocar.seal().stages().expect("an EMS model").elements();
-        let length = elements.iter().map(storage_length).fold(0.0, f64::max);
+        let length = longest_storage(trocar.seal().stages().expect("an EMS model"));
         assert!(is_passive(profile, length), "{name}: {length} m");
     }
 }

@@ -195,7 +195,8 @@ fn an_unmodelled_mass_does_not_bias_the_friction_of_few_strokes() {
 }
 
 /// A mass whose inertia is comparable to the friction is subtracted well enough for the intervals
-/// to hold; beyond that the result is doubtful.
+/// to hold; beyond that the result is doubtful. Blurred accelerations made F_c of the third seal
+/// 2.7 standard errors too large.
 #[test]
 fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
     let with = |mass: f64, seed: u64| {
@@ -208,12 +209,17 @@ fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
         let mass = found.parameter("unmodelled_mass_kg").expect("it moves").value;
         (doubted, held, mass)
     };
-    for seed in [9, 12, 21] {
-        assert!(!with(0.3, seed).0, "{seed}");
-    }
     assert!(with(1.0, 12).0);
     let benches = benches(12, 48);
-    let all: Vec<_> = (1..=benches).into_par_iter().map(|seed| with(0.3, seed)).collect();
+    let one = |seed: u64| {
+        let found = with(0.3, seed);
+        if [9, 12, 21].contains(&seed) {
+            assert!(!found.0 && found.1 == 3, "{seed}: {found:?}");
+        }
+        found
+    };
+    one(21);
+    let all: Vec<_> = (1..=benches).into_par_iter().map(one).collect();
     let held = all.iter().map(|one| one.1).sum::<usize>() as f64 / (3.0 * benches as f64);
     let mean = all.iter().map(|one| one.2).sum::<f64>() / benches as f64;
     println!("0.3 kg: {held:.3} of F_c, beta and c held, {mean:.4} kg found");
@@ -342,6 +348,7 @@ fn strokes_that_stick_and_slip_do_not_hide_the_static_force() {
         let within = all.iter().filter(|one| one[k].abs() < most).count() as f64;
         let rms = (all.iter().map(|one| one[k].powi(2)).sum::<f64>() / benches as f64).sqrt();
         println!("{name}: {within} of {benches} within {most}, {rms:.4} rms");
+        assert!(all.iter().take(4).all(|one| one[k].abs() < most), "{name} {all:?}");
         assert!(within >= 0.93 * benches as f64 && rms < 0.5 * most, "{name} {within} {rms}");
     }
 }

@@ -1437,14 +1437,19 @@ fn a_loop_that_oscillates_before_the_tissue_is_unstable() {
 }
 
 /// Fastest of both devices, m/s, in the seconds that begin at `at`, after the hand moved by `moved`, m, from the surface.
-fn fastest(config: &Config, trocar: &Trocar, moved: f64, at: [usize; 2]) -> [f64; 2] {
+fn fastest<const N: usize>(
+    config: &Config,
+    trocar: &Trocar,
+    moved: f64,
+    at: [usize; N],
+) -> [f64; N] {
     let surface = config.tissue.surface_m;
     let hand = |t: f64| {
         let part = (t / 0.1).min(1.0);
         let rate = 300.0 * (part * (1.0 - part)).powi(2);
         (surface + moved * part.powi(3) * (10.0 + part * (6.0 * part - 15.0)), moved * rate)
     };
-    let samples = run(config, trocar, at[1] as f64 + 1.0, hand);
+    let samples = run(config, trocar, at[N - 1] as f64 + 1.0, hand);
     at.map(|second| {
         let part = &samples[1000 * second..1000 * (second + 1)];
         let each = part.iter().map(|s| s.leader_velocity.abs().max(s.follower_velocity.abs()));
@@ -1464,8 +1469,7 @@ fn a_stable_loop_near_its_limit_decays_slowly() {
     (config.operator.stiffness_n_m, config.operator.damping_n_s_m) = (361.73, 3.41844);
     config.tissue.stiffness_n_m = 691.9;
     assert!(settles(&config, &trocar));
-    let [early, late] = fastest(&config, &trocar, 0.01, [9, 19]);
-    let [later, last] = fastest(&config, &trocar, 0.01, [57, 99]);
+    let [early, late, later, last] = fastest(&config, &trocar, 0.01, [9, 19, 57, 99]);
     println!("{early:.4}, {late:.4}, {later:.4}, {last:.4} m/s");
     assert!(late < early && late > 0.8 * early, "{early} {late}");
     assert!(later < 0.6 * late && last < 0.6 * later, "{later} {last}");

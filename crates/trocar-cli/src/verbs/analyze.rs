@@ -8,7 +8,7 @@ use trocar::analyze::{
     SteadyState, analyze,
 };
 use trocar::model_file::ModelFile;
-use trocar::profile::{is_passive, storage_length};
+use trocar::profile::{is_passive, longest_storage};
 
 use crate::Completion;
 use crate::console::{self, Console};
@@ -39,7 +39,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(&text(&analysis))?;
     }
     let given_off = model.trocar.profile().is_some_and(|profile| {
-        let length = stages.elements().iter().map(storage_length).fold(0.0, f64::max);
+        let length = longest_storage(stages);
         let passive = is_passive(profile, length);
         let (verdict, limit) = if passive { ("keeps", "at most") } else { ("may not keep", "above") };
         let steepness = number(profile.steepness() * length);
