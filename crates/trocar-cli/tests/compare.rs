@@ -50,7 +50,7 @@ impl Place {
     /// A recording as `compare --moving-mass-kg 0.04` scores it.
     fn scored(&self, name: &str) -> Recording {
         let recording = read(&self.path(name), &ReadOptions::default()).unwrap();
-        recording.without_moving_mass(0.04, 0.0).unwrap()
+        recording.smoothed().into_owned().without_moving_mass(0.04, 0.0).unwrap()
     }
 
     fn fitted(&self, name: &str) -> ModelFile {

@@ -324,6 +324,8 @@ pub(super) struct Layout {
     pub(super) slowest_creep: f64,
     /// Lag of the Stribeck curve.
     pub(super) lag: bool,
+    /// Whether partial reversals can show that lag.
+    pub(super) shows_lag: bool,
     /// Friction after rest.
     pub(super) dwell: bool,
     /// Relaxing arms.
@@ -355,6 +357,7 @@ impl Layout {
         creep: false,
         slowest_creep: 0.0,
         lag: false,
+        shows_lag: false,
         dwell: false,
         arms: 0,
         second: false,

@@ -226,13 +226,13 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     }
 }
 
-/// The candidate with each term that is significant but too small to be taken, to first order.
+/// The candidate with each term that is significant but too small to be taken.
 fn rivals(fit: &ElementFit) -> Vec<Candidate> {
     let best = &fit.fitted.best;
     let moved = |shift: &Vec<f64>| {
         let mut values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
         // The numbers of the drift come last, and are no longer the same.
-        let own = shift.iter().take(best.free_numbers());
+        let own = shift.iter().take(values.len() - best.drift.len());
         values.iter_mut().zip(own).for_each(|(value, more)| *value += more);
         best.with_any(&values).candidate
     };

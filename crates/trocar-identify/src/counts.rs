@@ -1,7 +1,5 @@
 //! What the counts of a coarse encoder cost.
 
-use std::borrow::Cow;
-
 use super::findings::{Parameter, Warning};
 use trocar_model::Quantity;
 use trocar_recording::{COARSE, Recording};
@@ -13,14 +11,6 @@ const TURNING: f64 = 0.4;
 /// Step of the coarsest encoder, m; 0 where none matters.
 fn coarsest(recordings: &[Recording]) -> f64 {
     recordings.iter().map(Recording::coarse_step).fold(0.0, f64::max)
-}
-
-/// The recordings, with positions between the counts where these are coarse.
-pub(super) fn resolved(recordings: &[Recording]) -> Cow<'_, [Recording]> {
-    match coarsest(recordings) > 0.0 {
-        true => recordings.iter().map(|r| r.between_counts().into_owned()).collect(),
-        false => recordings.into(),
-    }
 }
 
 /// Adds the error of coarse readings to the half width and the joins: all turning points may err

@@ -124,7 +124,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     fitted = restarted(input, &training, fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.06);
-    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
+    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     let fitted = with_all_degrees(input, &training, fitted);
     Some(Begun { training, fitted })
 }
@@ -158,6 +158,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
         largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
         narrowest: 0.0,
         slowest_creep: slowest_creep(input.recordings),
+        shows_lag: has_partial_reversals(input, input.two.candidate.half_width),
         ..Layout::PAPER
     };
     let mut start = prior.trial(from_readings).ok()?;
@@ -185,7 +186,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.06);
-    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
+    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }
 
@@ -365,8 +366,7 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 /// The element with the terms that the data support, not yet fitted to convergence.
 pub(super) struct Grown {
     training: Training,
-    fitted: Fitted<EmsTrial>,
-    trials: Vec<TermTrial>,
+    chosen: Chosen,
     paper_rms: f64,
 }
 
@@ -375,7 +375,7 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
     if input.options.prior.is_some() {
-        return Some(Grown { training, fitted, trials: Vec::new(), paper_rms });
+        return Some(Grown { training, chosen: Chosen::untried(fitted), paper_rms });
     }
     progress("optional terms", terms::TERMS_FROM);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
@@ -402,17 +402,17 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
         chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
     }
     // The terms explain much of what hid others, and of what looked like scatter.
-    let Scaled { training, fitted, .. } =
-        scaled(input, training, without_drift(chosen.fitted), NEXT)?;
-    let Chosen { fitted, trials } =
-        terms::choose(&training, fitted, &excluded, speeds(input), progress);
-    Some(Grown { training, fitted, trials, paper_rms })
+    let Scaled { training, fitted, .. } = scaled(training, without_drift(chosen.fitted), NEXT)?;
+    let chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
+    Some(Grown { training, chosen, paper_rms })
 }
 
 /// Fits to convergence, following the deformation as finely as it is sampled.
 pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<ElementFit> {
-    let Grown { mut training, fitted, trials, paper_rms } = grown;
+    let Grown { mut training, mut chosen, paper_rms } = grown;
     progress("last fit", terms::TERMS_TO);
+    chosen.fit_rivals(&training);
+    let Chosen { fitted, trials, .. } = chosen;
     let from = without_drift(fitted);
     // A fit from a prior was as fine from the start.
     if input.options.prior.is_none() {
@@ -420,14 +420,14 @@ pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<
         training = self::training(input, &from.candidate, Coarseness::NONE)?;
         free_scales(input, &mut training, &from, lambda);
     }
-    let mut last = scaled(input, training, from, LAST)?;
+    let mut last = scaled(training, from, LAST)?;
     // The longer steps of the search may favour another static force.
     if lets_go(input)
         && input.options.prior.is_none()
         && last.fitted.best.layout.stribeck
         && let Some(other) = holding_otherwise(input, &last.training, &last.fitted)
     {
-        let again = scaled(input, last.training.clone(), without_drift(other), LAST);
+        let again = scaled(last.training.clone(), without_drift(other), LAST);
         last = again.unwrap_or(last);
     }
     Some(last.with(input, trials, paper_rms))
@@ -440,13 +440,13 @@ fn without_drift(fitted: Fitted<EmsTrial>) -> EmsTrial {
 impl Grown {
     /// Effects that its terms leave unexplained.
     pub(super) fn left(&self, recordings: &[Recording]) -> UnexplainedEffects {
-        UnexplainedEffects::by(recordings, &self.training, &self.fitted)
+        UnexplainedEffects::by(recordings, &self.training, &self.chosen.fitted)
     }
 
     /// Root mean square error of the model over all samples, N: friction scales of strokes, which
     /// may imitate a part of the model, have no share in it.
     pub(super) fn error(&self, input: &Input) -> f64 {
-        sampled_rms(input, &self.fitted.best.candidate)
+        sampled_rms(input, &self.chosen.fitted.best.candidate)
     }
 }
 
@@ -505,13 +505,10 @@ pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
 }
 
 /// Sets the variances of the friction scale from a fit at `from`, and refits with them.
-fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
+fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     let mut first = likelihood::fit(&training, &from, SHORT)?;
     let sigma2 = variance(&first);
-    let mass = first.best.candidate.loads[Load::Mass];
-    let moving = (input.recordings, input.accelerations);
-    training.take_out_faint_inertia(moving, mass, sigma2.sqrt());
     if !training.scale.is_free {
         let fitted = likelihood::fit(&training, &first.best, stop)?;
         return Some(Scaled { training, fitted, scatter: 0.0 });
@@ -786,6 +783,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
+        shows_lag: has_partial_reversals(input, candidate.half_width),
         is_coarse: is_coarse(input, candidate.half_width),
         kept,
         ..Layout::PAPER
@@ -968,6 +966,6 @@ pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
     let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
     let lambda = found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2);
     free_scales(input, &mut training, &start, lambda);
-    let last = scaled(input, training, start, LAST)?;
+    let last = scaled(training, start, LAST)?;
     Some(last.with(input, found.trials.clone(), found.paper_rms))
 }

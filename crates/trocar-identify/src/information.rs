@@ -22,7 +22,7 @@ use super::numbers::{branch_ids, factor_of, models_off, quantities};
 use super::spread::{Dependent, PRIOR_WIDTH, WORST_FACTOR, axes_of};
 use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
 use trocar_recording::loads::UNLOADED;
-use trocar_recording::{Recording, RecordingError};
+use trocar_recording::{Recording, RecordingError, local_acceleration};
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
 use trocar_simulate::stick_slip::LeftOut;
@@ -126,8 +126,13 @@ pub struct Motion {
 
 impl Motion {
     /// The motion of a recording.
-    pub fn of(recording: Recording) -> Self {
+    pub fn of(recording: &Recording) -> Self {
+        let recording = recording.smoothed().into_owned();
         let acceleration = recording.acceleration();
+        Self::along(recording, acceleration)
+    }
+
+    fn along(recording: Recording, acceleration: Vec<f64>) -> Self {
         let strokes = strokes(&recording, reversal_threshold(&recording));
         Self { recording, acceleration, strokes }
     }
@@ -138,7 +143,9 @@ impl Motion {
     /// Columns that form no recording.
     pub fn planned(time: &[f64], position: &[f64]) -> Result<Self, RecordingError> {
         let (time, position, force) = (time.to_vec(), position.to_vec(), vec![0.0; time.len()]);
-        Ok(Self::of(Recording::from_columns("plan", time, position, force)?))
+        let recording = Recording::from_columns("plan", time, position, force)?;
+        let acceleration = local_acceleration(&recording, 0.0);
+        Ok(Self::along(recording, acceleration))
     }
 
     /// Its duration, s.

@@ -11,7 +11,7 @@
 //! branch is
 //!
 //! ```text
-//! hull over D(a) ≤ 1 or a ∈ A of g(θ_a) ± w_g|a·√(1 − D(a))₊        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
+//! hull over D(a) ≤ 1, or a ∈ A with D(a) < 4, of g(θ_a) ± w_g|a·√(1 − D(a))₊        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
 //! ```
 //! A is the range that holds the central 95 % of the density exp(−½·(1.96)²·D). Where C_b is a
 //! parabola it adds nothing; minima a little above D = 1 that are broad, or several, belong to it.
@@ -50,7 +50,7 @@ const BESIDE: [f64; 10] = [-2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2
 /// beyond it the first order misses one within reach only if it is wrong by several times the reach.
 const APART: f64 = 0.1;
 const STARTS_BELOW: f64 = 4.0;
-/// Excess above which a fit is not continued.
+/// Excess above which a fit is not continued, and is no part of an interval.
 const FAR: f64 = 5.0;
 /// Added to the information of a number, as a part of it: of the branches, for rounding alone; of the
 /// others, since along flat directions, such as from one stage to another, the first order would
@@ -506,6 +506,9 @@ fn to_first_order(spread: &Spread<EmsTrial>, direction: Direction, number: usize
     (half_width, least.max(spread.curvature(number) * half_width.powi(2)))
 }
 
+/// Excess above which a join is no part of an interval, whatever lies around it: its density is below a
+/// thousandth of the greatest.
+const NEGLIGIBLE: f64 = 4.0;
 /// Points between two joins at which an interval is taken, and a density.
 const BETWEEN: usize = 8;
 const OF_DENSITY: usize = 24;
@@ -525,7 +528,8 @@ impl Along {
             let nearest = errors.iter().min_by(|a, b| by_distance(a.0, b.0, point.join));
             point.excess += nearest.map_or(0.0, |error| error.1);
         }
-        points.extend(minima);
+        // A fit that did not come near the least cost says nothing about its join.
+        points.extend(minima.into_iter().filter(|minimum| minimum.excess < FAR));
         points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
         points.sort_by(|a, b| a.join.total_cmp(&b.join));
         let mut along = Self { direction: side.direction, points, central: [0.0; 2] };
@@ -610,8 +614,8 @@ impl Along {
             let [from, to] = [low, high].map(|point| of(&point.trial));
             let mut up_to = |most: f64, is_open: &dyn Fn(f64) -> bool| {
                 for x in (0..=BETWEEN).map(|i| most * i as f64 / BETWEEN as f64) {
-                    if is_open(low.join + x * (high.join - low.join)) {
-                        let excess = low.excess + (high.excess - low.excess) * x * x;
+                    let excess = low.excess + (high.excess - low.excess) * x * x;
+                    if excess < NEGLIGIBLE && is_open(low.join + x * (high.join - low.join)) {
                         add(from + x * (to - from), excess);
                     }
                 }

@@ -1,7 +1,7 @@
 //! Identification of an EMS element from recordings.
 //!
 //! ```text
-//! recordings -> turning points between counts                                    counts.rs
+//! recordings -> positions between the counts of the encoder                       trocar-recording
 //!            -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
 //!            -> full reversals, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs       the paper's two steps
 //!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
@@ -18,6 +18,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use rayon::prelude::*;
 use trocar_recording::{Recording, range};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -117,6 +118,8 @@ pub fn identify(
         }
     }
     recordings.iter().try_for_each(shows_force)?;
+    let smooth: Vec<Recording> = recordings.par_iter().map(|r| r.smoothed().into_owned()).collect();
+    let recordings = &smooth[..];
     rotation::identified(recordings, options, |own| along_the_axis(own, options, progress))
 }
 
@@ -125,7 +128,6 @@ fn along_the_axis(
     options: &IdentifyOptions,
     progress: Progress,
 ) -> Result<Identification, IdentifyError> {
-    let recordings = &*counts::resolved(recordings);
     // Draws take about as long as all before them.
     let (last, share) = match options.posterior {
         Some(_) => ("posterior draws", 0.5),

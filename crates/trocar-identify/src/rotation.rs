@@ -253,7 +253,7 @@ impl<'a> Turned<'a> {
             is_first
         };
         let arc = recording.angle.iter().flatten().map(|angle| radius * angle).collect();
-        let around = Recording { position: arc, ..recording.clone() };
+        let around = Recording { position: arc, expected_acceleration: None, ..recording.clone() };
         let along = reversals(recording, reversal_threshold(recording));
         let both = along.iter().zip(reversals(&around, TURNING)).map(|(a, b)| a | b);
         let sum = |sum: &mut usize, is_first: usize| {

@@ -281,9 +281,10 @@ impl<'a, T: Trial> Spread<'a, T> {
             own if own > 0.0 => (variances[i] / own).sqrt(),
             _ => 0.0,
         };
+        // Each pair is computed once: the two orders of the product round differently.
         let of = |i: usize, j: usize| match i == j {
             true => variances[i],
-            false => widened(i) * widened(j) * rows(i, j),
+            false => widened(i) * widened(j) * rows(i.min(j), i.max(j)),
         };
         (0..gradients.len()).map(|i| (0..gradients.len()).map(|j| of(i, j)).collect()).collect()
     }

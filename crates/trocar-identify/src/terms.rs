@@ -14,7 +14,8 @@
 //! together with it. Thus at most one in a hundred recordings without any term gets one. When no
 //! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
-//! removed again if the fit without it is not significantly worse (the same F test). Most are needed
+//! removed again if the fit without it is not significantly worse (the same F test). A fit with a term
+//! begins where the other parameters follow it to first order, if the cost is lower there. Most are needed
 //! so clearly that the secant to the model without the term, the others following in one step, shows
 //! it for all terms in one pass.
 
@@ -28,7 +29,7 @@ use super::candidate::{Candidate, EmsTrial, GAUSSIAN, Layout};
 use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
 use super::kept::Kept;
-use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop};
+use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop, Trial};
 use super::load::of_load;
 use super::numbers;
 use super::spread::variance;
@@ -236,7 +237,7 @@ impl Term {
             }
             Self::Creep => {
                 layout.creep = true;
-                layout.lag = layout.stribeck;
+                layout.lag = layout.stribeck && layout.shows_lag;
                 let friction_lag = if layout.lag { 0.01 } else { 0.0 };
                 for creep_velocity in
                     [5e-5, 3e-4, 2e-3].into_iter().filter(|v| *v > layout.slowest_creep)
@@ -400,8 +401,8 @@ pub struct TermTrial {
     /// Why it was left out despite a significant p value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why_not: Option<&'static str>,
-    /// Change of the free parameters with it, to first order, where it is significant but too small
-    /// to be taken: the intervals span it.
+    /// Change of the free parameters in a fit with it, where it is significant but too small to be
+    /// taken: the intervals span it.
     #[serde(skip)]
     pub shift: Vec<f64>,
 }
@@ -410,6 +411,8 @@ pub struct TermTrial {
 pub(super) struct Chosen {
     pub(super) fitted: Fitted<EmsTrial>,
     pub(super) trials: Vec<TermTrial>,
+    /// Terms that are significant but too small to be taken, beside that fit.
+    rivals: Vec<Score>,
 }
 
 /// Stopping criteria of the fits with one more term.
@@ -465,13 +468,33 @@ impl Score {
         self.p_value < SUSPECTED && self.gain > LARGE_GAIN
     }
 
+    /// Where a fit with the term begins: the others as they are, or as they follow it to first order. Where
+    /// they stay, the first step may remove a term of full size before they have followed.
+    fn start(&self, training: &Training, without: &EmsTrial) -> EmsTrial {
+        let [own, free] = [without, &self.start].map(Trial::free);
+        let new = lacking(&free, &own);
+        let mut shift = self.shift.iter();
+        let follow = |is_new: bool| if is_new { 0.0 } else { shift.next().copied().unwrap_or(0.0) };
+        let shifts: Vec<f64> = new.into_iter().map(follow).collect();
+        let moved = |part: f64| {
+            let values = free.iter().zip(&shifts).map(|(free, shift)| free.value + part * shift);
+            let trial = self.start.with(&values.collect::<Vec<_>>());
+            (likelihood::cost(training, &trial), trial)
+        };
+        let [as_they_are, followed] = [0.0, 1.0].map(moved);
+        if followed.0 < as_they_are.0 { followed.1 } else { as_they_are.1 }
+    }
+
     /// Left out, at `level` and for a reason that is known.
     fn left_out(&self, level: f64, why_not: Option<&'static str>) -> TermTrial {
         let Self { term, p_value, gain, .. } = *self;
-        let is_rival = p_value < level && gain > LEAST_GAIN && self.least_gain > LEAST_GAIN;
-        let shift = if is_rival { self.shift.clone() } else { Vec::new() };
-        let why_not = if is_rival { Some(TOO_SMALL) } else { why_not };
-        TermTrial { term, kept: false, p_value, gain, why_not, shift }
+        let why_not = why_not.or(self.is_rival(level).then_some(TOO_SMALL));
+        TermTrial { term, kept: false, p_value, gain, why_not, shift: Vec::new() }
+    }
+
+    /// Whether it is significant, but too small for a term that sampling and encoder may imitate.
+    fn is_rival(&self, level: f64) -> bool {
+        self.p_value < level && self.gain > LEAST_GAIN && self.least_gain > LEAST_GAIN
     }
 }
 
@@ -510,6 +533,11 @@ pub(super) fn choose(
 }
 
 impl Chosen {
+    /// A fit whose terms are not tried.
+    pub(super) fn untried(fitted: Fitted<EmsTrial>) -> Self {
+        Self { fitted, trials: Vec::new(), rivals: Vec::new() }
+    }
+
     /// A fit with its terms.
     fn of(fitted: Fitted<EmsTrial>) -> Self {
         let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
@@ -521,7 +549,7 @@ impl Chosen {
             why_not: None,
             shift: Vec::new(),
         };
-        Self { trials: from_start.map(kept).collect(), fitted }
+        Self { trials: from_start.map(kept).collect(), ..Self::untried(fitted) }
     }
 
     /// Adds each term that the data support, but none of those `excluded` nor of those `closed`,
@@ -553,7 +581,11 @@ impl Chosen {
                 is_rough = false;
                 continue;
             }
-            let Some(best) = best else { break };
+            let Some(best) = best else {
+                let is_rival = |s: &Score| why_not(s.term).is_none() && s.is_rival(level);
+                self.rivals = scores.into_iter().filter(is_rival).collect();
+                break;
+            };
             let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
             progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
@@ -581,7 +613,8 @@ impl Chosen {
         best: &Score,
         level: f64,
     ) -> Result<(Fitted<EmsTrial>, bool), &'static str> {
-        let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER)?;
+        let begun = likelihood::fit(training, &best.start(training, &self.fitted.best), BEGIN)
+            .ok_or(NO_BETTER)?;
         let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
         let hoped = begun.hoped_cost(HOPE);
         let growth = self.fitted.cost() - hoped;
@@ -593,6 +626,27 @@ impl Chosen {
         let further = likelihood::fit(training, &begun.best, NEXT).ok_or(NO_BETTER)?;
         self.judge(training, best, level, &further)?;
         Ok((further, false))
+    }
+
+    /// Fits each term that is significant but too small to be taken, so that the intervals can contain what
+    /// the other parameters are with it: to first order they may be far from that.
+    pub(super) fn fit_rivals(&mut self, training: &Training) {
+        let Self { fitted, trials, rivals } = self;
+        let own = Trial::free(&fitted.best);
+        for rival in rivals {
+            let trial = trials.iter_mut().find(|t| t.term == rival.term).expect("it was tried");
+            let fit = likelihood::fit(training, &rival.start(training, &fitted.best), NEXT);
+            match fit.filter(|fit| fit.cost() < fitted.cost()) {
+                Some(fit) => {
+                    let free = Trial::free(&fit.best);
+                    let new = lacking(&free, &own);
+                    let with = free.iter().zip(new).filter(|(_, is_new)| !is_new);
+                    trial.shift =
+                        with.zip(&own).map(|((with, _), own)| with.value - own.value).collect();
+                }
+                None => trial.why_not = Some(NO_BETTER),
+            }
+        }
     }
 
     fn cost_to_beat(&self, best: &Score) -> f64 {
@@ -683,9 +737,9 @@ impl Without {
         let Some(normal) = with.with_columns(training, &secants) else {
             return terms.iter().map(|_| None).collect();
         };
-        let free = likelihood::Trial::free(&with.best);
+        let free = Trial::free(&with.best);
         let of = |(k, (term, without)): (usize, &(Term, EmsTrial))| {
-            let lacking = lacking(&free, &likelihood::Trial::free(without));
+            let lacking = lacking(&free, &Trial::free(without));
             let growth = normal.growth_along(&free, &lacking, free.len() + k)?;
             let judged = |growth| Self::judged(training, None, (without, with), growth);
             judged(growth / HOPE).is_clear(least_gain(*term)).then(|| judged(growth))
@@ -774,7 +828,7 @@ fn scores(
     let open = Term::ALL.into_iter().filter(|t| t.can_join(&best.layout) && !excluded.contains(t));
     let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
     for term in open {
-        let runs = |t: &EmsTrial| likelihood::Trial::model(t).is_some();
+        let runs = |t: &EmsTrial| Trial::model(t).is_some();
         columns.extend(
             term.variants(best, speeds).into_iter().filter(runs).map(|start| (term, start)),
         );
@@ -803,7 +857,7 @@ fn scores(
         columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
     let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
-    let (free, sigma2) = (likelihood::Trial::free(best), variance(fitted));
+    let (free, sigma2) = (Trial::free(best), variance(fitted));
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()
         .zip(places)
@@ -849,8 +903,13 @@ fn score(
         true => 1.0 - 0.5 * two_sided,
         false => two_sided,
     };
-    if let Term::Load(load) = term {
-        start.candidate.loads[load] = step.amplitude.max(of_load(load).least);
+    match term {
+        Term::Load(load) => {
+            start.candidate.loads[load] = step.amplitude.max(of_load(load).least);
+        }
+        // From a far too high creep velocity the fit does not find its way back.
+        Term::Creep => start.candidate.creep_velocity *= step.amplitude.clamp(0.0, 1.0),
+        _ => {}
     }
     let least_gain = term.least_gain(&start, slowest);
     Some(Score { term, p_value, gain: step.gain, least_gain, shift: step.shift, start })

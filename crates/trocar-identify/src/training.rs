@@ -9,12 +9,11 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
 use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
 use trocar_recording::Recording;
-use trocar_recording::loads::{ByLoad, Load, Recorded};
+use trocar_recording::loads::{ByLoad, Recorded};
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
 use trocar_simulate::stick_slip::LeftOut;
@@ -45,10 +44,6 @@ const COARSEST: f64 = 0.02;
 const MOST_PARTS: f64 = 20.0;
 /// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
-/// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
-/// samples and strokes, the blur of longer windows is the same in every stroke.
-const NOISIER: f64 = 8.0;
-
 /// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
 pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 
@@ -57,13 +52,9 @@ pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 pub(crate) struct Step {
     pub(crate) displacement: f64,
     pub(crate) duration: f64,
-    /// Samples of the recording.
-    samples: Range<usize>,
-    /// Mean reading over the step's samples, N, without the inertia that noise hides from
-    /// `acceleration`.
+    /// Mean reading over the step's samples, N.
     pub(crate) force: f64,
-    /// Mean over the step's samples of what one unit of each load does: of the mass the acceleration,
-    /// m/s², that differs from noise.
+    /// Mean over the step's samples of what one unit of each load does: of the mass the acceleration, m/s².
     pub(crate) effects: ByLoad<f64>,
     /// Number of samples in the step that count as independent; 0 where the state is not yet known.
     pub(crate) weight: f64,
@@ -98,7 +89,6 @@ impl Step {
         Self {
             displacement,
             duration: recording.time[next] - recording.time[at],
-            samples: at + 1..next + 1,
             force: mean(&recording.force),
             effects: effects.map(|own| if own.is_nan() { 0.0 } else { own }),
             weight: if is_clipped || has_no_weight || effects.iter().any(|own| own.is_nan()) {
@@ -353,30 +343,6 @@ impl Training {
         steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
     }
 
-    /// Subtracts from the readings the inertia of `mass`, kg, that `Step::acceleration`, from those of
-    /// the recordings, lacks.
-    /// The readings err by `error`, N rms.
-    pub(crate) fn take_out_faint_inertia(
-        &mut self,
-        (recordings, accelerations): (&[Recording], &[Vec<f64>]),
-        mass: f64,
-        error: f64,
-    ) {
-        let whole = |(r, signal): (&Recording, &Vec<f64>)| {
-            (mass != 0.0).then(|| r.acceleration_of(signal, mass, NOISIER * error))
-        };
-        let all: Vec<Option<Vec<f64>>> =
-            recordings.par_iter().zip(accelerations).map(whole).collect();
-        for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
-            let of = self.strokes[step.stroke].recording;
-            step.force = mean(&recordings[of].force[step.samples.clone()]);
-            if let Some(whole) = &all[of] {
-                let acceleration = mean(&whole[step.samples.clone()]);
-                step.force -= mass * (acceleration - step.effects[Load::Mass as usize]);
-            }
-        }
-    }
-
     /// Strokes of each cluster.
     pub(crate) fn cluster_strokes(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let mut from = 0;
@@ -413,9 +379,8 @@ impl Together {
         let duration = t[at + 1] - t[at];
         let steady = self.steady((x[at + 1] - x[at]).abs() / duration);
         let by_positions = || {
-            let quality = &part.recording.quality;
-            let error =
-                (POSITION_ERRORS * quality.position_noise).max(2.0 * quality.position_resolution);
+            let step = part.recording.quality.position_resolution;
+            let error = (POSITION_ERRORS * part.recording.position_noise()).max(2.0 * step);
             let is_even = (t[at] - t[at - 1] - duration).abs() < 0.5 * STEADY_PART * duration;
             is_even && (x[at + 1] - 2.0 * x[at] + x[at - 1]).abs() > steady * duration + error
         };
@@ -562,7 +527,7 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together, settling: f
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
-        // At a low sampling rate the acceleration is all noise.
+        // At a low sampling rate single accelerations err most.
         let speed = (x[*i] - x[at]).abs() / (t[*i] - t[at]);
         let is_steady = limit.steady(speed)
             >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };

@@ -4,6 +4,7 @@
 //! ```text
 //! rms = √(mean (F_measured − F_0 − F_model)²)        fit = 100·(1 − rms / sd(F_measured)) %
 //! ```
+//! The model moves along the expected positions ([`Recording::smoothed`]).
 //! Only samples with a known state are scored: before the seal has slid once, its deflection is
 //! unknown. The set of these samples depends on the model, so two models may be scored on slightly
 //! different samples of one recording. The figure over all samples is reported as well. Slow
@@ -481,7 +482,8 @@ impl Sums {
 /// A model beside recordings.
 #[derive(Debug, Clone)]
 pub struct Validated {
-    /// The recordings, without the moving mass, the unmodelled mass and the position delay.
+    /// The recordings at the expected positions, without the moving mass, the unmodelled mass and the
+    /// position delay.
     pub recordings: Vec<Recording>,
     /// The simulations of the model over them.
     pub runs: Vec<Replay>,
@@ -496,6 +498,7 @@ impl Validated {
         recordings: Vec<Recording>,
         offset: f64,
     ) -> Self {
+        let recordings: Vec<_> = recordings.into_par_iter().map(Recording::into_smoothed).collect();
         let of = |recording: &Recording| {
             let along = Along::of(trocar, recording, offset);
             (along.scores(trocar, recording), along.run)
@@ -530,7 +533,7 @@ pub fn validate<K: AsRef<[f64]> + Sync>(
     Validation::of(each.collect())
 }
 
-/// The error by phase over `recordings`, as [`Validation::force_error`] of their validation gives it.
+/// The error by phase over smoothed `recordings`, as [`Validation::force_error`] of their validation gives it.
 pub(crate) fn force_error<K: AsRef<[f64]> + Sync>(
     trocar: &Trocar<K>,
     recordings: &[Recording],
@@ -616,6 +619,7 @@ pub fn validate_one<K: AsRef<[f64]>>(
     recording: &Recording,
     offset: f64,
 ) -> Scored {
+    let recording = &*recording.smoothed();
     Along::of(trocar, recording, offset).scores(trocar, recording)
 }
 

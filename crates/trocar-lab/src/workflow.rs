@@ -1,7 +1,7 @@
 //! From recordings to a folder of results: what `trocar identify` does, for all interfaces.
 //!
 //! ```text
-//! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
+//! recordings ─▶ expected positions, without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
 //! ```
 
 use rayon::prelude::*;
@@ -48,8 +48,9 @@ impl MovingMass {
         Ok(Self { mass, gravity })
     }
 
-    /// `recording` without the inertia and weight of this mass and without the loads `beside` it; the
-    /// weight of their mass is part of the sensor offset `offset`, N.
+    /// `recording` at the expected positions, without the inertia and weight of this mass and without the
+    /// loads `beside` it; the weight of their mass is part of the sensor offset `offset`, N. The device has
+    /// not moved as the steps of its encoder: they would count as errors of a model.
     ///
     /// # Errors
     /// As for [`Recording::without_moving_mass`].
@@ -59,6 +60,7 @@ impl MovingMass {
         beside: &Loads,
         offset: f64,
     ) -> Result<Recording, RecordingError> {
+        let recording = recording.into_smoothed();
         let mass = self.mass + beside[Load::Mass];
         let mut recorded = *beside;
         recorded[Load::Mass] = 0.0;

@@ -13,7 +13,6 @@ pub use rows::digest_of;
 
 pub use choice::{Choice, TableColumn, TableColumns};
 pub use container::{Column, Table};
-pub use counts::COARSE;
 pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
@@ -22,6 +21,7 @@ pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind
 pub use recording::{ReadOptions, Recording, check_sensor_limit};
 pub use samples::Readings;
 pub use screen::OPPOSED;
+pub use smoothing::COARSE;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};
 pub use text::sha256;
@@ -32,7 +32,6 @@ mod choice;
 mod collect;
 pub mod columns;
 pub mod container;
-mod counts;
 mod crtk;
 mod error;
 pub mod formats;

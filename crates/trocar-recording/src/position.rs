@@ -84,6 +84,7 @@ impl Recording {
         let mut all = Self {
             quality: self.quality.clone(),
             name: self.name.clone(),
+            expected_acceleration: self.expected_acceleration.as_ref().map(|_| Vec::new()),
             angle: self.angle.as_ref().map(|_| Vec::new()),
             torque: self.torque.as_ref().map(|_| Vec::new()),
             loads: self.loads.each_ref().map(|load| load.as_ref().map(|_| Vec::new())),
@@ -116,9 +117,12 @@ impl Recording {
                 let part = (later - t[k]) / (t[k + 1] - t[k]);
                 all.time.push(t[i]);
                 all.position.push(x[k] + part * (x[k + 1] - x[k]));
-                if let (Some(all), Some(own)) = (&mut all.angle, &self.angle) {
-                    let [from, to] = [0, 1].map(|next| own[range.start + k + next]);
-                    all.push(from + part * (to - from));
+                let expected = (&mut all.expected_acceleration, &self.expected_acceleration);
+                for (all, own) in [(&mut all.angle, &self.angle), expected] {
+                    if let (Some(all), Some(own)) = (all, own) {
+                        let [from, to] = [0, 1].map(|next| own[range.start + k + next]);
+                        all.push(from + part * (to - from));
+                    }
                 }
                 all.force.push(self.force[range.start + i]);
                 let beside = all.loads.iter_mut().zip(&self.loads);
@@ -147,6 +151,7 @@ impl Recording {
             position: Vec::new(),
             force: Vec::new(),
             velocity: None,
+            expected_acceleration: None,
             angle: None,
             torque: None,
             loads: Default::default(),

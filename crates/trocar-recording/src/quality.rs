@@ -220,10 +220,6 @@ pub struct Quality {
     /// Robust standard deviation of the position about its neighbours.
     #[serde(rename = "position_noise_m")]
     pub position_noise: f64,
-    /// Whether the positions are those of [`Recording::smoothed`](super::Recording::smoothed); the
-    /// resolution stays that of the encoder.
-    #[serde(skip)]
-    pub smoothed: bool,
     /// Step of which all forces are integer multiples; 0 if none was found.
     #[serde(rename = "force_resolution_n")]
     pub force_resolution: f64,

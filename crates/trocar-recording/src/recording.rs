@@ -33,6 +33,8 @@ pub struct Recording {
     pub force: Vec<f64>,
     /// Velocity in m/s, if the file has it.
     pub velocity: Option<Vec<f64>>,
+    /// Expected acceleration in m/s², where the positions are those of [`Recording::smoothed`].
+    pub expected_acceleration: Option<Vec<f64>>,
     /// Angle of the instrument about its axis in rad, if the file has it.
     pub angle: Option<Vec<f64>>,
     /// Torque of the instrument on the seal in N·m, positive with the angle, if the file has it.
@@ -87,6 +89,7 @@ impl Recording {
             position,
             force,
             velocity,
+            expected_acceleration: None,
             angle,
             torque,
             loads,
@@ -190,9 +193,14 @@ impl Recording {
     /// # Errors
     /// As for [`Recording::from_columns`].
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
-        let readings = cut(self.columns(), range);
+        let readings = cut(self.columns(), range.clone());
         let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
         part.choice = self.choice.clone();
+        if let Some(all) = &self.expected_acceleration {
+            part.expected_acceleration = Some(all[range.start..range.end.min(all.len())].to_vec());
+            let Quality { position_noise, position_resolution, .. } = self.quality;
+            part.quality = Quality { position_noise, position_resolution, ..part.quality };
+        }
         part.quality.notes.extend(self.quality.notes.iter().cloned());
         for Saturation { level, .. } in self.quality.saturated.iter().copied() {
             let mut stuck = (0..part.len()).filter(|k| match level < 0.0 {
@@ -217,7 +225,7 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the
     /// insertion axis (0 when the axis is horizontal; a constant weight may as well stay in the
-    /// offset). The acceleration is [`Recording::acceleration_of`]. A force that never changes is
+    /// offset). The acceleration is [`Recording::acceleration`]. A force that never changes is
     /// not that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors

@@ -2,13 +2,13 @@
 //!
 //! ```text
 //! y_i = x(t_i) + ε_i        d³x/dt³ = w(t)        ε_i ~ N(0, r²)        w ~ white noise of intensity q(t)
-//! r = step/√12        q_i = mean over a few samples of E[(a_i − a_(i−1))² | y]/(t_i − t_(i−1))
+//! r = step/√12        q_i = Σ E[(a_i − a_(i−1))² | y]/(t_i − t_(i−1)) over n samples, divided by n + 1
 //! ```
 //! Given q, a Kalman filter and its smoother (RAUCH) give the expected position, velocity and
-//! acceleration a at every sample, and their variances. q is their own maximum likelihood estimate
-//! (expectation maximisation, SHUMWAY), in a few rounds: large where the instrument turns or is
-//! pushed, tiny where it slides at constant speed, so neither is blurred for the other. Readings as
-//! such would bias what depends on the velocity from one sample to the next: the viscous damping,
+//! acceleration a at every sample, and their variances. √q is its most likely value given these states
+//! and the prior of a scale (JEFFREYS), by expectation maximisation (SHUMWAY): large where the instrument
+//! turns or is pushed, tiny where it slides at constant speed, so neither is blurred for the other.
+//! Readings as such would bias what depends on the velocity from one sample to the next: the viscous damping,
 //! and where a seal whose friction falls with speed begins to stick. Scatter beyond the rounding stays:
 //! it may be that of the clock (ZILLEN: milliseconds in which the instrument moves 10 µm), and then the
 //! readings are the positions at which the force was read.
@@ -19,12 +19,18 @@ use std::ops::Range;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use rayon::prelude::*;
 
-use super::Recording;
+use super::motion::local_acceleration;
+use super::{Quality, Recording};
 
-/// Samples over which the readings tell the position where q is what the first round begins with, and
-/// rounds: with twice as many samples, or with six or twenty rounds, positions err by at most a tenth more.
+/// Step of the positions, m, from which it matters: 0.2 % of the smallest half widths in use.
+pub const COARSE: f64 = 2e-5;
+
+/// Samples, and time in s, over which the readings tell the position where q is what the first round
+/// begins with, the longer of both; and rounds. q grows faster than it falls: from ten samples, what is
+/// sampled at 5 kHz or more would keep so much of it that accelerations are noise.
 const BEGIN: f64 = 10.0;
-const ROUNDS: usize = 10;
+const BEGIN_TIME: f64 = 0.01;
+const ROUNDS: usize = 20;
 /// Samples on either side over which q is averaged.
 const AROUND: usize = 3;
 /// Variances of a motion of which nothing is known: of the velocity, m²/s², and of the acceleration, m²/s⁴.
@@ -39,35 +45,87 @@ const BESIDE: usize = 512;
 type State = (Vector3<f64>, Matrix3<f64>);
 
 impl Recording {
-    /// The recording with the expected positions, and their error as noise; itself where the readings
-    /// are not rounded, or are smoothed.
+    /// Step of the positions, m; 0 where it does not matter.
+    #[must_use]
+    pub fn coarse_step(&self) -> f64 {
+        Some(self.quality.position_resolution).filter(|step| *step >= COARSE).unwrap_or(0.0)
+    }
+
+    /// Scatter of the positions, m. Of expected positions 0 unless it exceeds a count: below that it is
+    /// the rounding, and some of the motion.
+    #[must_use]
+    pub fn position_noise(&self) -> f64 {
+        let Quality { position_noise, position_resolution, .. } = self.quality;
+        let is_smoothed = self.expected_acceleration.is_some();
+        if is_smoothed && position_noise < position_resolution { 0.0 } else { position_noise }
+    }
+
+    /// The recording with the expected positions and accelerations; itself where the readings are not
+    /// rounded, or are smoothed. Its quality stays that of the readings.
     #[must_use]
     pub fn smoothed(&self) -> Cow<'_, Self> {
-        let quality = &self.quality;
-        let error = quality.position_resolution / 12_f64.sqrt();
-        if error == 0.0 || quality.smoothed {
-            return Cow::Borrowed(self);
+        let error = rounding(&self.quality);
+        match error == 0.0 || self.expected_acceleration.is_some() {
+            true => Cow::Borrowed(self),
+            false => Cow::Owned(self.as_expected(error)),
         }
-        let pieces: Vec<(Range<usize>, Range<usize>)> = self.unbroken().flat_map(pieces).collect();
-        let smooth = |(piece, with): (Range<usize>, Range<usize>)| {
-            let states = expected(&self.time[with.clone()], &self.position[with.clone()], error);
-            let own = states.iter().skip(piece.start - with.start).zip(&self.position[piece]);
-            // An interval whose fifth power is no number shows nothing beside its reading.
-            let place = |(state, reading): (&State, &f64)| match state.0[0] {
-                place if place.is_finite() => (place, state.1[(0, 0)]),
-                _ => (*reading, error * error),
-            };
-            own.map(place).collect()
-        };
-        let pieces: Vec<Vec<(f64, f64)>> = pieces.into_par_iter().map(smooth).collect();
-        let mut out = self.clone();
-        out.position = pieces.iter().flatten().map(|own| own.0).collect();
-        let variance: f64 = pieces.iter().flatten().map(|own| own.1).sum();
-        let beyond = (quality.position_noise.powi(2) - error.powi(2)).max(0.0);
-        out.quality.position_noise = (variance / self.len().max(1) as f64 + beyond).sqrt();
-        out.quality.smoothed = true;
-        Cow::Owned(out)
     }
+
+    /// The same of a recording that is not needed any more.
+    #[must_use]
+    pub fn into_smoothed(self) -> Self {
+        let smooth = match self.smoothed() {
+            Cow::Owned(smooth) => Some(smooth),
+            Cow::Borrowed(_) => None,
+        };
+        smooth.unwrap_or(self)
+    }
+
+    /// Acceleration in m/s² at every sample, as it acts on a mass: the mean of the expected one, which is
+    /// too smooth where the instrument is pushed, and that of the parabola over five of the expected
+    /// positions, which is too rough; of exact positions, the parabola alone. Scatter of more than a count is
+    /// taken out here: it would bias a mass that is fitted to the accelerations towards zero (errors in
+    /// variables).
+    #[must_use]
+    pub fn acceleration(&self) -> Vec<f64> {
+        let mut smooth = self.smoothed();
+        let scatter = smooth.position_noise();
+        if scatter > 0.0 {
+            smooth = Cow::Owned(smooth.as_expected(scatter));
+        }
+        let mut mean = local_acceleration(&smooth, 0.0);
+        let expected = smooth.expected_acceleration.iter().flatten();
+        let both = mean.iter_mut().zip(expected).filter(|(_, expected)| expected.is_finite());
+        both.for_each(|(mean, expected)| *mean = 0.5 * (*mean + expected));
+        mean
+    }
+
+    /// With the expected positions and accelerations, given readings that err by `error`, m rms.
+    fn as_expected(&self, error: f64) -> Self {
+        let (position, acceleration) = self.expected(error);
+        Self { position, expected_acceleration: Some(acceleration), ..self.clone() }
+    }
+
+    /// The expected positions, m, and accelerations, m/s², given readings that err by `error`, m rms.
+    fn expected(&self, error: f64) -> (Vec<f64>, Vec<f64>) {
+        let pieces: Vec<(Range<usize>, Range<usize>)> = self.unbroken().flat_map(pieces).collect();
+        let smooth = |(piece, with): &(Range<usize>, Range<usize>)| {
+            let states = expected(&self.time[with.clone()], &self.position[with.clone()], error);
+            let own =
+                states.iter().skip(piece.start - with.start).zip(&self.position[piece.clone()]);
+            // An interval whose fifth power is no number shows nothing beside its reading.
+            let place = |((mean, _), reading): (&State, &f64)| {
+                (if mean[0].is_finite() { mean[0] } else { *reading }, mean[2])
+            };
+            own.map(place).collect::<Vec<_>>()
+        };
+        pieces.par_iter().flat_map_iter(smooth).unzip()
+    }
+}
+
+/// Standard deviation of the rounding to counts, m.
+fn rounding(quality: &Quality) -> f64 {
+    quality.position_resolution / 12_f64.sqrt()
 }
 
 /// An unbroken part in pieces, each with those samples beside it that are smoothed with it.
@@ -83,7 +141,8 @@ fn pieces(part: Range<usize>) -> impl Iterator<Item = (Range<usize>, Range<usize
 fn expected(time: &[f64], position: &[f64], error: f64) -> Vec<State> {
     let count = time.len();
     let interval = (time[count - 1] - time[0]) / (count - 1).max(1) as f64;
-    let mut intensity = vec![error.powi(2) / (BEGIN * interval).powi(5); count];
+    let begin = (BEGIN * interval).max(BEGIN_TIME);
+    let mut intensity = vec![error.powi(2) / begin.powi(5); count];
     let mut states = Vec::new();
     for _ in 0..ROUNDS {
         let filtered = filtered(time, position, error, &intensity);
@@ -155,8 +214,10 @@ fn smoothed(time: &[f64], mut states: Vec<State>, intensity: &[f64]) -> (Vec<Sta
     (states, jerk)
 }
 
-/// Means over a few values on either side of each.
+/// The most likely squares of the scale of the jerk, from a few values on either side of each.
 fn averaged(values: &[f64]) -> Vec<f64> {
     let around = |k: usize| &values[k.saturating_sub(AROUND)..(k + AROUND + 1).min(values.len())];
-    (0..values.len()).map(|k| around(k).iter().sum::<f64>() / around(k).len() as f64).collect()
+    (0..values.len())
+        .map(|k| around(k).iter().sum::<f64>() / (around(k).len() + 1) as f64)
+        .collect()
 }

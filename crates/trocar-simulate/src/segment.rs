@@ -80,7 +80,8 @@ impl Default for SegmentOptions {
 /// its noise and the vibration of a drive (a hundredth of the stroke).
 pub fn reversal_threshold(recording: &Recording) -> f64 {
     let q = &recording.quality;
-    (8.0 * q.position_resolution).max(8.0 * q.position_noise).max(0.01 * q.stroke)
+    let noise = recording.position_noise();
+    (8.0 * q.position_resolution).max(8.0 * noise).max(0.01 * q.stroke)
 }
 
 /// Splits a recording into strokes; `threshold` is the smallest retreat, m, that counts as a
@@ -163,7 +164,7 @@ fn velocity_window(
     options: &SegmentOptions,
 ) -> f64 {
     let q = &recording.quality;
-    let error = q.position_noise.hypot(q.position_resolution / 12f64.sqrt());
+    let error = recording.position_noise().hypot(q.position_resolution / 12f64.sqrt());
     let wanted = 0.25 * options.velocity_tolerance * speed;
     let window = (error * (12.0 * q.median_interval).sqrt() / wanted).powf(2.0 / 3.0);
     window.max(options.minimum_duration).max(5.0 * q.median_interval).min(stroke_duration / 6.0)

@@ -324,7 +324,7 @@ fn a_motion_that_stops_at_once_does_not_bias_a_viscous_seal() {
 /// lets go at a force that a fit from below never sees.
 #[test]
 fn strokes_that_stick_and_slip_do_not_hide_the_static_force() {
-    let benches = benches(16, 48);
+    let benches = 48;
     let errors = |seed: u64| {
         let mut truth = seal(seed);
         for sliding in [&mut truth.insertion, &mut truth.withdrawal] {

@@ -359,14 +359,14 @@ pub fn compare(
     })
 }
 
-/// `recordings` without the loads beside the seal and the delay that `ems` found.
+/// `recordings` at the expected positions, without the loads beside the seal and the delay that `ems` found.
 fn corrected(
     recordings: &[Recording],
     ems: &Identification,
 ) -> Result<Vec<Recording>, RecordingError> {
     let Candidate { loads, offset, .. } = &ems.model;
-    let beside = MovingMass::default();
-    ems.without_delay(beside.subtracted_from_all(recordings.to_vec(), loads, *offset)?)
+    let recordings = recordings.to_vec();
+    ems.without_delay(MovingMass::default().subtracted_from_all(recordings, loads, *offset)?)
 }
 
 /// All models that `options` name; `ems_s` is the time that `ems` took, s.

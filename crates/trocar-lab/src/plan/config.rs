@@ -8,7 +8,7 @@ use trocar_model::{Element, ElementParams, ParamError, Trocar};
 
 use crate::teleop::scaled;
 use trocar_identify::Noise;
-use trocar_recording::{Recording, local_velocity, range};
+use trocar_recording::{Recording, local_acceleration, local_velocity, range};
 use trocar_simulate::bench::published::{self, PublishedError};
 use trocar_simulate::bench::{PlausibleSeals, random_seal};
 use trocar_simulate::segment::{
@@ -203,7 +203,7 @@ pub enum ConfigError {
 const MOST_SAMPLES: f64 = 1e6;
 /// Stream of the random numbers from which seals are drawn.
 const SEALS: u64 = 1;
-/// Window of the velocity of a pilot without constant-velocity segments, s.
+/// Window of the velocity of a pilot without constant-velocity segments, and of its accelerations, s.
 const WINDOW: f64 = 0.05;
 
 impl PlanConfig {
@@ -244,7 +244,7 @@ impl PlanConfig {
         let (lowest_m, highest_m) = range(&pilot.position);
         let strokes = strokes(pilot, reversal_threshold(pilot));
         let fastest_m_s = fastest(pilot, &strokes);
-        let acceleration = pilot.acceleration();
+        let acceleration = local_acceleration(pilot, WINDOW);
         let parts = strokes.iter().map(|stroke| &acceleration[stroke.start..=stroke.end]);
         let mut largest: Vec<f64> =
             parts.map(|part| part.iter().fold(0.0, |most: f64, a| most.max(a.abs()))).collect();

@@ -229,7 +229,7 @@ pub fn plan(
     let config = &PlanConfig { duration_s: whole.duration_s - reserved, ..whole.clone() };
     let blocks = blocks::candidates(config, goal, &drawn)?;
     progress("what cycles tell", 0.0);
-    let before: Vec<Motion> = before.par_iter().cloned().map(Motion::of).collect();
+    let before: Vec<Motion> = before.par_iter().map(Motion::of).collect();
     let search = Search::new(config, goal, &drawn, &blocks, &before)?;
     let mut counts = search.best(config.duration_s - 2.0 * course::AT_REST, progress)?;
     let (segments, course) = loop {
@@ -287,7 +287,7 @@ pub fn predicted(
     motion: &Course,
     before: &[Recording],
 ) -> Result<Vec<Prediction>, PlanError> {
-    let before: Vec<Motion> = before.iter().cloned().map(Motion::of).collect();
+    let before: Vec<Motion> = before.iter().map(Motion::of).collect();
     let all = predictions(config, seals, &[motion], (&before, None), &|_, _| {})?;
     Ok(all.into_iter().next().unwrap_or_default())
 }
