@@ -1265,8 +1265,6 @@ pub(crate) struct OneStep {
     pub(crate) degrees: f64,
     /// Fraction of C that it removes.
     pub(crate) gain: f64,
-    /// Change of the free parameters with it.
-    pub(crate) shift: Vec<f64>,
 }
 
 impl Normal {
@@ -1329,7 +1327,6 @@ impl Normal {
             standard_error: moderated.sqrt(),
             degrees: degrees + MODEL_DEGREES,
             gain: (with.dot(score) - before.dot(score)) / self.cost().max(f64::MIN_POSITIVE),
-            shift: with.iter().zip(&before).take(own).map(|(with, before)| with - before).collect(),
         })
     }
 }

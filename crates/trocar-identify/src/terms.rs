@@ -14,8 +14,7 @@
 //! together with it. Thus at most one in a hundred recordings without any term gets one. When no
 //! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
-//! removed again if the fit without it is not significantly worse (the same F test). A fit with a term
-//! begins where the other parameters follow it to first order, if the cost is lower there. Most are needed
+//! removed again if the fit without it is not significantly worse (the same F test). Most are needed
 //! so clearly that the secant to the model without the term, the others following in one step, shows
 //! it for all terms in one pass.
 
@@ -454,8 +453,6 @@ struct Score {
     gain: f64,
     /// Least gain at which it is taken.
     least_gain: f64,
-    /// Change of the free parameters with it, to first order.
-    shift: Vec<f64>,
     start: EmsTrial,
 }
 
@@ -466,23 +463,6 @@ impl Score {
 
     fn is_large(&self) -> bool {
         self.p_value < SUSPECTED && self.gain > LARGE_GAIN
-    }
-
-    /// Where a fit with the term begins: the others as they are, or as they follow it to first order. Where
-    /// they stay, the first step may remove a term of full size before they have followed.
-    fn start(&self, training: &Training, without: &EmsTrial) -> EmsTrial {
-        let [own, free] = [without, &self.start].map(Trial::free);
-        let new = lacking(&free, &own);
-        let mut shift = self.shift.iter();
-        let follow = |is_new: bool| if is_new { 0.0 } else { shift.next().copied().unwrap_or(0.0) };
-        let shifts: Vec<f64> = new.into_iter().map(follow).collect();
-        let moved = |part: f64| {
-            let values = free.iter().zip(&shifts).map(|(free, shift)| free.value + part * shift);
-            let trial = self.start.with(&values.collect::<Vec<_>>());
-            (likelihood::cost(training, &trial), trial)
-        };
-        let [as_they_are, followed] = [0.0, 1.0].map(moved);
-        if followed.0 < as_they_are.0 { followed.1 } else { as_they_are.1 }
     }
 
     /// Left out, at `level` and for a reason that is known.
@@ -613,8 +593,7 @@ impl Chosen {
         best: &Score,
         level: f64,
     ) -> Result<(Fitted<EmsTrial>, bool), &'static str> {
-        let begun = likelihood::fit(training, &best.start(training, &self.fitted.best), BEGIN)
-            .ok_or(NO_BETTER)?;
+        let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER)?;
         let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
         let hoped = begun.hoped_cost(HOPE);
         let growth = self.fitted.cost() - hoped;
@@ -635,7 +614,7 @@ impl Chosen {
         let own = Trial::free(&fitted.best);
         for rival in rivals {
             let trial = trials.iter_mut().find(|t| t.term == rival.term).expect("it was tried");
-            let fit = likelihood::fit(training, &rival.start(training, &fitted.best), NEXT);
+            let fit = likelihood::fit(training, &rival.start, NEXT);
             match fit.filter(|fit| fit.cost() < fitted.cost()) {
                 Some(fit) => {
                     let free = Trial::free(&fit.best);
@@ -912,5 +891,5 @@ fn score(
         _ => {}
     }
     let least_gain = term.least_gain(&start, slowest);
-    Some(Score { term, p_value, gain: step.gain, least_gain, shift: step.shift, start })
+    Some(Score { term, p_value, gain: step.gain, least_gain, start })
 }

@@ -232,7 +232,7 @@ fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
 #[test]
 fn a_coarse_encoder_does_not_bias_half_width_and_damping() {
     const STEP: f64 = 1e-4;
-    let benches = benches(8, 20);
+    let benches = benches(8, 60);
     let mut config = BenchConfig::default();
     config.encoder.resolution_m = STEP;
     let outcome = |seed: u64| {
