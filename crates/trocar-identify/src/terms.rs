@@ -11,7 +11,8 @@
 //! has a p value without any fit. Of the terms with p < [`LEVEL`] over the number of columns tried
 //! (BONFERRONI; the columns of one term are much alike, and each after the first counts as half),
 //! the one that removes most of the squared error is fitted, and the others are tested again
-//! together with it. Thus at most one in a hundred recordings without any term gets one. When no
+//! together with it. Thus at most one in a hundred recordings without any term gets one, but where a
+//! coarse encoder hides how a mass turns: errors alike at all reversals are no chance. When no
 //! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
 //! removed again if the fit without it is not significantly worse (the same F test). Most are needed
