@@ -475,7 +475,7 @@ impl Score {
 
     /// Whether it is significant, but too small for a term that sampling and encoder may imitate.
     fn is_rival(&self, level: f64) -> bool {
-        self.p_value < level && self.gain > LEAST_GAIN && self.least_gain > LEAST_GAIN
+        self.p_value < level && self.gain > LEAST_GAIN && self.gain <= self.least_gain
     }
 }
 

@@ -227,8 +227,8 @@ fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
 }
 
 /// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all
-/// reversals of a speed: their turning points are interpolated. Between them, speeds of no or one
-/// step in a short time made the damping too small by 10 standard errors.
+/// reversals of a speed. Between them, speeds of no or one step in a short time made the damping too
+/// small by 10 standard errors.
 #[test]
 fn a_coarse_encoder_does_not_bias_half_width_and_damping() {
     const STEP: f64 = 1e-4;
