@@ -117,7 +117,8 @@ impl Identification {
         axial.with_rotation(self.rotation).unwrap_or(axial)
     }
 
-    /// The recordings for comparison with the model: with the position delay compensated.
+    /// The recordings for comparison with the model: with the position delay compensated along
+    /// the expected positions, since counts that are interpolated are none.
     ///
     /// # Errors
     /// As for [`Recording::with_position_delay`].
@@ -128,7 +129,7 @@ impl Identification {
         let Some(PositionDelay { delay_s, .. }) = self.position_delay else {
             return Ok(recordings);
         };
-        recordings.iter().map(|recording| recording.with_position_delay(delay_s)).collect()
+        recordings.iter().map(|own| own.smoothed().with_position_delay(delay_s)).collect()
     }
 
     /// A remark for the model file if the deformation was not identified.
