@@ -158,7 +158,6 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
         largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
         narrowest: 0.0,
         slowest_creep: slowest_creep(input.recordings),
-        shows_lag: has_partial_reversals(input, input.two.candidate.half_width),
         ..Layout::PAPER
     };
     let mut start = prior.trial(from_readings).ok()?;

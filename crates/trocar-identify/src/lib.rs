@@ -16,6 +16,7 @@
 //! parameter that the data do not determine is reported with an infinite interval, the reason, and
 //! a warning.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
@@ -118,9 +119,14 @@ pub fn identify(
         }
     }
     recordings.iter().try_for_each(shows_force)?;
-    let smooth: Vec<Recording> = recordings.par_iter().map(|r| r.smoothed().into_owned()).collect();
-    let recordings = &smooth[..];
-    rotation::identified(recordings, options, |own| along_the_axis(own, options, progress))
+    // Long recordings are not copied where nothing changes.
+    let smooth: Cow<[Recording]> = match recordings.iter().all(Recording::is_smooth) {
+        true => recordings.into(),
+        false => {
+            recordings.par_iter().map(|own| own.smoothed().into_owned()).collect::<Vec<_>>().into()
+        }
+    };
+    rotation::identified(&smooth, options, |own| along_the_axis(own, options, progress))
 }
 
 fn along_the_axis(

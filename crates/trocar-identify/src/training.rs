@@ -44,6 +44,7 @@ const COARSEST: f64 = 0.02;
 const MOST_PARTS: f64 = 20.0;
 /// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
+
 /// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
 pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 

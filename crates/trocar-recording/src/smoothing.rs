@@ -64,26 +64,27 @@ impl Recording {
     /// rounded, or are smoothed. Its quality stays that of the readings.
     #[must_use]
     pub fn smoothed(&self) -> Cow<'_, Self> {
-        let error = rounding(&self.quality);
-        match error == 0.0 || self.expected_acceleration.is_some() {
+        match self.is_smooth() {
             true => Cow::Borrowed(self),
-            false => Cow::Owned(self.as_expected(error)),
+            false => Cow::Owned(self.as_expected(rounding(&self.quality))),
         }
+    }
+
+    /// Whether [`Recording::smoothed`] is the recording itself.
+    #[must_use]
+    pub fn is_smooth(&self) -> bool {
+        rounding(&self.quality) == 0.0 || self.expected_acceleration.is_some()
     }
 
     /// The same of a recording that is not needed any more.
     #[must_use]
     pub fn into_smoothed(self) -> Self {
-        let smooth = match self.smoothed() {
-            Cow::Owned(smooth) => Some(smooth),
-            Cow::Borrowed(_) => None,
-        };
-        smooth.unwrap_or(self)
+        if self.is_smooth() { self } else { self.as_expected(rounding(&self.quality)) }
     }
 
     /// Acceleration in m/s² at every sample, as it acts on a mass: the mean of the expected one, which is
     /// too smooth where the instrument is pushed, and that of the parabola over five of the expected
-    /// positions, which is too rough; of exact positions, the parabola alone. Scatter of more than a count is
+    /// positions, which is too rough; of positions without scatter, the parabola alone. Scatter of more than a count is
     /// taken out here: it would bias a mass that is fitted to the accelerations towards zero (errors in
     /// variables).
     #[must_use]

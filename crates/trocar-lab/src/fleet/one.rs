@@ -13,6 +13,7 @@ use crate::workflow::MovingMass;
 use trocar_identify::{
     Estimate, Identification, IdentifyError, IdentifyOptions, Subject, identify,
 };
+use trocar_recording::loads::Loads;
 use trocar_recording::rows::Crop;
 use trocar_recording::{
     ReadOptions, Readings, Recording, RecordingError, check_sensor_limit, digest_of, read, sha256,
@@ -229,10 +230,7 @@ fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failur
     let recording = recording.without_glitches();
     row.set_data(&recording);
     warnings(row, recording.quality.warnings.iter().map(|w| w.message.clone()).collect());
-    let MovingMass { mass, gravity } = config.moving_mass;
-    let recording =
-        if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
-    let recordings = [recording];
+    let recordings = [config.moving_mass.subtracted_from(recording, &Loads::default(), 0.0)?];
     let found = identify(&recordings, &config.options(), &|_, _| ())?;
     result(row, &found, &recordings[0]);
     Ok(())
