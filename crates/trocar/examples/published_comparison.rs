@@ -28,11 +28,10 @@ const LIP_SEAL: &str = "A simulated lip seal that is no EMS element";
 /// Drawings of docs/figures.
 const DRAWN: [&str; 2] = ["one-reversal", "error-by-parameters"];
 
+/// Without glitches, at the expected positions: as `trocar compare` takes them before it splits a recording.
 fn load(folder: &Path, names: &[&str]) -> Result<Vec<Recording>, RecordingError> {
-    names
-        .iter()
-        .map(|name| read(&folder.join(format!("{name}.csv")), &ReadOptions::default()))
-        .collect()
+    let read = |name| read(&folder.join(format!("{name}.csv")), &ReadOptions::default());
+    names.iter().map(|name| Ok(read(name)?.without_glitches().into_smoothed())).collect()
 }
 
 fn compared(
@@ -99,6 +98,25 @@ fn of_lip_seal(folder: &Path) -> Result<Comparison, Box<dyn Error>> {
     compared(&load(&seal, &["steady", "dynamic"])?, &load(&seal, &["validation", "surgeon"])?)
 }
 
+/// Name and title of the recordings of other rubber seals.
+pub(crate) const SEALS: [[&str; 2]; 5] = [
+    ["o_ring_1bar", "O-ring, 25 mm bore"],
+    ["x_ring257_1bar", "X-ring, 25.7 mm bore"],
+    ["kdn_1bar", "Lip profile KDN"],
+    ["napn_1bar", "Lip profile NAPN"],
+    ["pk_1bar", "Lip profile PK"],
+];
+
+/// The section of one of them.
+pub(crate) fn of_rubber_seal(
+    folder: &Path,
+    [name, title]: [&str; 2],
+) -> Result<String, Box<dyn Error>> {
+    let (training, validation) = split(&load(&folder.join("elastomer_seals"), &[name])?)?;
+    let title = format!("{title}, validated on its last third");
+    Ok(section(&title, &compared(&training, &validation)?))
+}
+
 /// Name and SVG of each drawing.
 type Drawings = Vec<(String, String)>;
 
@@ -124,24 +142,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         return Ok(());
     }
-    let elastomers = folder.join("elastomer_seals");
     println!(
         "<!-- made by: cargo run --release -p trocar --example published_comparison -- FOLDER -->"
     );
     print!("{}", section(LIP_SEAL, &of_lip_seal(folder)?));
+    let elastomers = folder.join("elastomer_seals");
     let rerun = load(&elastomers, &["o_ring257_1bar_rerun"])?;
     let comparison = compared(&load(&elastomers, &["o_ring257_1bar"])?, &rerun)?;
     print!("{}", section("O-ring, 25.7 mm bore, validated on its rerun", &comparison));
-    for (name, title) in [
-        ("o_ring_1bar", "O-ring, 25 mm bore"),
-        ("x_ring257_1bar", "X-ring, 25.7 mm bore"),
-        ("kdn_1bar", "Lip profile KDN"),
-        ("napn_1bar", "Lip profile NAPN"),
-        ("pk_1bar", "Lip profile PK"),
-    ] {
-        let (training, validation) = split(&load(&elastomers, &[name])?)?;
-        let title = format!("{title}, validated on its last third");
-        print!("{}", section(&title, &compared(&training, &validation)?));
+    for seal in SEALS {
+        print!("{}", of_rubber_seal(folder, seal)?);
     }
     Ok(())
 }

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use crate::benches::benches;
 use crate::skipped::skipped;
 use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::{ReadOptions, Recording, read};
@@ -192,6 +193,55 @@ fn cells<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
         .collect()
 }
 
+/// Text of a file of the repository.
+fn kept(name: &str) -> String {
+    let file = format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(file).unwrap()
+}
+
+#[test]
+fn the_table_of_a_rubber_seal_is_that_of_its_command() {
+    let Some(seal) = shared("seal_a") else { return };
+    let folder = seal.parent().expect("a folder of recordings");
+    // Each takes seconds.
+    let count = benches(1, comparison::SEALS.len() as u64) as usize;
+    for own in comparison::SEALS.into_iter().rev().take(count) {
+        let section = comparison::of_rubber_seal(folder, own).unwrap();
+        assert!(kept("results/comparison.md").contains(&section), "{own:?}:\n{section}");
+    }
+}
+
+#[test]
+fn rubber_seals_are_predicted_as_much_better_as_the_page_says() {
+    let results = kept("results/comparison.md");
+    let seals: Vec<&str> = results.split("\n### ").skip(2).collect();
+    let better = |column: usize| {
+        let of = |seal: &&str| {
+            let rows = seal.lines().filter(|line| line.starts_with("| "));
+            let rows: Vec<Vec<&str>> = rows.skip(1).map(|row| row.split(" | ").collect()).collect();
+            let error = |row: &[&str]| row[column].parse::<f64>().unwrap();
+            let own = rows.iter().find(|row| row[0] == "| ems").unwrap();
+            let others = rows.iter().filter(|row| !row[0].starts_with("| ems"));
+            100.0 * (1.0 - error(own) / others.map(|row| error(row)).fold(f64::INFINITY, f64::min))
+        };
+        let mut all: Vec<f64> = seals.iter().map(of).collect();
+        all.sort_by(f64::total_cmp);
+        all.iter().map(|percent| format!("{percent:.0}")).collect::<Vec<_>>()
+    };
+    let [overall, after_reversals] = [3, 7].map(better);
+    let page = kept("docs/explanation/comparison.md").replace('\n', " ");
+    for said in [
+        format!("is {} to {} % better", overall[0], overall[5]),
+        format!("{} to {} % better on five", after_reversals[1], after_reversals[5]),
+        format!("{} % worse on one", after_reversals[0].trim_start_matches('-')),
+    ] {
+        assert!(
+            page.replace("   ", " ").contains(&said),
+            "{said}: {overall:?} {after_reversals:?}"
+        );
+    }
+}
+
 #[test]
 fn the_drawings_and_the_tables_of_the_comparison_are_those_of_its_command() {
     let Some(seal) = shared("seal_a") else { return };
@@ -199,10 +249,6 @@ fn the_drawings_and_the_tables_of_the_comparison_are_those_of_its_command() {
     let (section, drawn) = comparison::drawings(folder).unwrap();
     assert_eq!(drawn.len(), 2);
     let command = "cargo run --release -p trocar --example published_comparison -- FOLDER";
-    let kept = |name: &str| {
-        let file = format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR"));
-        std::fs::read_to_string(file).unwrap()
-    };
     for (name, svg) in drawn {
         let name = format!("docs/figures/{name}.svg");
         assert!(kept(&name) == svg, "{name}: run {command} docs");
