@@ -412,7 +412,7 @@ pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<
     progress("last fit", terms::TERMS_TO);
     chosen.fit_rivals(&training);
     let Chosen { fitted, trials, .. } = chosen;
-    let from = without_drift(Joins::followed(&training, fitted));
+    let from = without_drift(fitted);
     // A fit from a prior was as fine from the start.
     if input.options.prior.is_none() {
         let lambda = training.scale.lambda;

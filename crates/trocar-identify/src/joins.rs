@@ -431,26 +431,26 @@ fn share_within(low: &Point, high: &Point) -> Option<f64> {
 pub(super) struct Joins(Vec<Along>);
 
 impl Joins {
-    /// The fit, continued in better minima along the joins.
-    pub(super) fn followed(training: &Training, mut fitted: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
-        for _ in 0..SEARCHES {
-            let better = Self::promising(training, &fitted);
-            let again = better.and_then(|from| likelihood::fit(training, &from, NEAR));
-            match again.filter(|again| again.cost() < fitted.cost()) {
-                Some(again) => fitted = again,
-                None => break,
-            }
-        }
-        fitted
-    }
-
-    /// The fit, or a better one from a minimum beside it, and C_b about it.
+    /// The fit, continued in better minima along the joins, and C_b about it.
     pub(super) fn searched(
         training: &Training,
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
-        let mut minima = Vec::new();
+        let (mut minima, mut is_rough) = (Vec::new(), false);
+        for _ in 0..SEARCHES {
+            let better = Self::promising(training, &fitted);
+            let again = better.and_then(|from| likelihood::fit(training, &from, NEAR));
+            let Some(again) = again else { break };
+            if again.cost() >= fitted.cost() {
+                minima.push(Minimum { cost: again.cost(), trial: again.best });
+                break;
+            }
+            (fitted, is_rough) = (again, true);
+        }
+        if is_rough {
+            fitted = likelihood::fit(training, &fitted.best, stop).unwrap_or(fitted);
+        }
         for last in (0..SEARCHES).rev() {
             let (joins, better) = Self::about(training, &fitted, &mut minima);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));
