@@ -183,14 +183,19 @@ const ROWS: [[&str; 2]; 12] = [
     ["Coulomb", "coulomb"],
 ];
 
-/// Cells of the first row of a table with this name.
+/// Cells of the rows of all tables.
+fn rows(text: &str) -> impl Iterator<Item = Vec<&str>> {
+    let lines = text.lines().filter(|line| line.starts_with("| "));
+    lines.map(|line| {
+        let cells = line.split('|').map(|cell| cell.trim().trim_matches('*'));
+        cells.filter(|cell| !cell.is_empty()).collect()
+    })
+}
+
+/// Those of the first row with this name.
 fn cells<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
-    let row = text.lines().find(|line| line.starts_with(&format!("| {name} |")));
-    let row = row.unwrap_or_else(|| panic!("no row {name}"));
-    row.split('|')
-        .map(|cell| cell.trim().trim_matches('*'))
-        .filter(|cell| !cell.is_empty())
-        .collect()
+    let row = rows(text).find(|row| row[0] == name.trim_matches('*'));
+    row.unwrap_or_else(|| panic!("no row {name}"))
 }
 
 /// Text of a file of the repository.
@@ -216,13 +221,10 @@ fn rubber_seals_are_predicted_as_much_better_as_the_page_says() {
     let results = kept("results/comparison.md");
     let seals: Vec<&str> = results.split("\n### ").skip(2).collect();
     let better = |column: usize| {
+        let error = |row: Vec<&str>| row[column].parse::<f64>().unwrap();
         let of = |seal: &&str| {
-            let rows = seal.lines().filter(|line| line.starts_with("| "));
-            let rows: Vec<Vec<&str>> = rows.skip(1).map(|row| row.split(" | ").collect()).collect();
-            let error = |row: &[&str]| row[column].parse::<f64>().unwrap();
-            let own = rows.iter().find(|row| row[0] == "| ems").unwrap();
-            let others = rows.iter().filter(|row| !row[0].starts_with("| ems"));
-            100.0 * (1.0 - error(own) / others.map(|row| error(row)).fold(f64::INFINITY, f64::min))
+            let others = rows(seal).skip(1).filter(|row| !row[0].starts_with("ems")).map(error);
+            100.0 * (1.0 - error(cells(seal, "ems")) / others.fold(f64::INFINITY, f64::min))
         };
         let mut all: Vec<f64> = seals.iter().map(of).collect();
         all.sort_by(f64::total_cmp);
