@@ -316,6 +316,8 @@ pub(super) struct Layout {
     /// Whether few positions lie within the deformation. The curvature of branches is then expected
     /// to stay within the sliding force.
     pub(super) is_coarse: bool,
+    /// Whether the steps of an encoder matter.
+    pub(super) has_coarse_steps: bool,
     pub(super) damping: bool,
     /// Minor-loop stiffness.
     pub(super) yielding: bool,
@@ -352,6 +354,7 @@ impl Layout {
         shape: true,
         narrowest: 0.0,
         is_coarse: false,
+        has_coarse_steps: false,
         damping: false,
         yielding: false,
         creep: false,

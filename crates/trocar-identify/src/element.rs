@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use trocar_model::{Branch, ElementParams, Quantity, SlidingFriction, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout, STRIBECK_RANGE};
+use super::counts;
 use super::findings::Progress;
 use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop, Trial};
@@ -784,6 +785,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         slowest_creep: slowest_creep(recordings),
         shows_lag: has_partial_reversals(input, candidate.half_width),
         is_coarse: is_coarse(input, candidate.half_width),
+        has_coarse_steps: counts::coarsest(recordings) > 0.0,
         kept,
         ..Layout::PAPER
     };

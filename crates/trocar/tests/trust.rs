@@ -101,6 +101,17 @@ fn half_widths_of_seals_that_let_go_by_a_jump_are_those_of_the_best_fit() {
     assert!(errors.len() == 3 && errors.iter().sum::<f64>() < 0.04, "{errors:?}");
 }
 
+/// Encoders of 21 to 38 µm hide how the rig turns: its inertia there looked like a static force.
+#[test]
+fn the_steps_of_an_encoder_do_not_look_like_a_static_force() {
+    for outcome in outcomes_of(&["drawn_strokes"], &[29, 66, 107]) {
+        let is_false = |term: &&Term| matches!(term, Term::Stribeck | Term::Creep);
+        let found = outcome.found_terms.iter().find(is_false);
+        assert_eq!(found, None, "seed {}", outcome.seed);
+        assert_eq!(outcome.count(Verdict::ConfidentlyWrong), 0, "{:?}", outcome.judged);
+    }
+}
+
 /// Strokes of these seals happen to scatter less along a parameter than the curvature of the cost allows:
 /// by their scatter alone one interval of each is too narrow.
 #[test]
