@@ -414,7 +414,12 @@ pub(super) struct Chosen {
     pub(super) trials: Vec<TermTrial>,
     /// Terms that are significant but too small to be taken, beside that fit.
     rivals: Vec<Score>,
+    /// Terms with which that fit is no better.
+    pub(super) failed: Vec<Failed>,
 }
+
+/// A term that was fitted and not taken, and why.
+pub(super) type Failed = (Term, &'static str);
 
 /// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
@@ -491,16 +496,19 @@ pub(super) const TERMS_TO: f64 = 0.6;
 /// Adds terms except those `excluded` as long as the data support one, and removes those that
 /// others make unnecessary.
 ///
-/// `speeds` are the slowest and fastest of the sliding, m/s.
+/// Those that have `failed` beside the terms of the fit are tried again once it has others. `speeds`
+/// are the slowest and fastest of the sliding, m/s.
 pub(super) fn choose(
     training: &Training,
-    fitted: Fitted<EmsTrial>,
+    (fitted, failed): (Fitted<EmsTrial>, &[Failed]),
     excluded: &[Term],
     speeds: [f64; 2],
     progress: Progress,
 ) -> Chosen {
     let mut chosen = Chosen::of(fitted);
-    chosen.take_out_needless(training, speeds[0]);
+    if chosen.take_out_needless(training, speeds[0]).is_empty() {
+        chosen.failed = failed.to_vec();
+    }
     let (mut closed, mut twice) = (Vec::new(), Vec::new());
     while chosen.add_needed(training, (excluded, &closed), speeds, progress) {
         let before = chosen.fitted.cost();
@@ -511,8 +519,9 @@ pub(super) fn choose(
         // A fit that is better without a term had not found the least cost with it.
         let may_return = chosen.fitted.cost() < before;
         let for_good = |term: &Term| !may_return || twice.contains(term);
-        closed.extend(needless.iter().copied().filter(for_good));
+        closed.extend(needless.iter().copied().filter(for_good).map(|term| (term, NO_BETTER)));
         twice.extend(needless);
+        chosen.failed.clone_from(&closed);
     }
     chosen
 }
@@ -520,7 +529,7 @@ pub(super) fn choose(
 impl Chosen {
     /// A fit whose terms are not tried.
     pub(super) fn untried(fitted: Fitted<EmsTrial>) -> Self {
-        Self { fitted, trials: Vec::new(), rivals: Vec::new() }
+        Self { fitted, trials: Vec::new(), rivals: Vec::new(), failed: Vec::new() }
     }
 
     /// A fit with its terms.
@@ -542,17 +551,15 @@ impl Chosen {
     fn add_needed(
         &mut self,
         training: &Training,
-        (excluded, closed): (&[Term], &[Term]),
+        (excluded, closed): (&[Term], &[Failed]),
         speeds: [f64; 2],
         progress: Progress,
     ) -> bool {
-        let needless = || closed.iter().map(|term| (*term, NO_BETTER));
-        let mut failed: Vec<(Term, &'static str)> = needless().collect();
         let (mut is_rough, mut has_grown) = (false, false);
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             self.trials.retain(|t| t.kept);
-            let why_not = |term: Term| failed.iter().find(|f| f.0 == term).map(|f| f.1);
+            let why_not = |term: Term| self.failed.iter().find(|f| f.0 == term).map(|f| f.1);
             let level = LEVEL / columns;
             self.trials.extend(scores.iter().map(|s| s.left_out(level, why_not(s.term))));
             let open = || scores.iter().filter(|s| why_not(s.term).is_none());
@@ -571,7 +578,7 @@ impl Chosen {
                 self.rivals = scores.into_iter().filter(is_rival).collect();
                 break;
             };
-            let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
+            let decided = self.failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
             progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
             match self.with_term(training, best, level) {
@@ -582,9 +589,9 @@ impl Chosen {
                     let own = self.trials.iter_mut().filter(|t| t.term == best.term);
                     own.for_each(|t| (t.kept, t.shift) = (true, Vec::new()));
                     // Together with the new term they may fit better.
-                    failed = needless().collect();
+                    self.failed = closed.to_vec();
                 }
-                Err(why) => failed.push((best.term, why)),
+                Err(why) => self.failed.push((best.term, why)),
             }
         }
         has_grown
@@ -615,7 +622,7 @@ impl Chosen {
     /// Fits each term that is significant but too small to be taken, so that the intervals can contain what
     /// the other parameters are with it: to first order they may be far from that.
     pub(super) fn fit_rivals(&mut self, training: &Training) {
-        let Self { fitted, trials, rivals } = self;
+        let Self { fitted, trials, rivals, .. } = self;
         let own = Trial::free(&fitted.best);
         for rival in rivals {
             let trial = trials.iter_mut().find(|t| t.term == rival.term).expect("it was tried");
