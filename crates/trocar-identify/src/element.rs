@@ -201,16 +201,9 @@ const TRUE_GAIN: f64 = 0.05;
 
 /// The best of fits from other half widths, with all terms kept.
 fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
-    let starts: Vec<EmsTrial> = other_widths(&found.best, &OTHER_WIDTHS).collect();
-    likelihood::fit(training, &most_hopeful(training, &starts)?.best, NEXT)
-}
-
-/// Of fits begun from each of the starts the one that may fall lowest.
-fn most_hopeful(training: &Training, starts: &[EmsTrial]) -> Option<Fitted<EmsTrial>> {
-    let begin = |start: &EmsTrial| likelihood::fit(training, start, SHORT);
-    let begun: Vec<_> = starts.par_iter().filter_map(begin).collect();
-    let hoped = |fit: &Fitted<EmsTrial>| fit.hoped_cost(1.0);
-    begun.into_iter().min_by(|a, b| hoped(a).total_cmp(&hoped(b)))
+    let fits = other_widths(&found.best, &OTHER_WIDTHS)
+        .filter_map(|start| likelihood::fit(training, &start, NEXT));
+    fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
 /// Excesses of the static over the Coulomb force, and Stribeck velocities, from which a fit begins again,
@@ -295,9 +288,11 @@ fn held_otherwise(
     starts.retain(|(cost, _)| *cost < PROMISING * found.cost());
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
     starts.truncate(MOST_PROMISING);
-    let starts: Vec<EmsTrial> = starts.into_iter().map(|(_, start)| start).collect();
-    let best = most_hopeful(training, &starts)?;
-    let is_near = best.hoped_cost(1.0) < found.cost();
+    let begin = |(_, start): &(f64, EmsTrial)| likelihood::fit(training, start, SHORT);
+    let begun: Vec<_> = starts.par_iter().filter_map(begin).collect();
+    let hoped = |fit: &Fitted<EmsTrial>| fit.hoped_cost(1.0);
+    let best = begun.into_iter().min_by(|a, b| hoped(a).total_cmp(&hoped(b)))?;
+    let is_near = hoped(&best) < found.cost();
     let fitted = is_near.then(|| likelihood::fit(training, &best.best, NEXT))??;
     (fitted.cost() < (1.0 - NEXT.fall) * found.cost()).then_some(fitted)
 }
