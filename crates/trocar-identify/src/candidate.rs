@@ -316,7 +316,7 @@ pub(super) struct Layout {
     /// Whether few positions lie within the deformation. The curvature of branches is then expected
     /// to stay within the sliding force.
     pub(super) is_coarse: bool,
-    /// Whether the steps of an encoder matter.
+    /// Whether the steps of an encoder are so coarse that they look like creep and a static force.
     pub(super) has_coarse_steps: bool,
     pub(super) damping: bool,
     /// Minor-loop stiffness.

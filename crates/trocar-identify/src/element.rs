@@ -22,7 +22,7 @@ use super::scale::{FrictionScale, Jump};
 use super::seal_prior::SealPrior;
 use super::shape::BranchShape;
 use super::spread::variance;
-use super::terms::{self, Chosen, Failed, Term, TermTrial, improvement_p_value};
+use super::terms::{self, Chosen, Term, TermTrial, improvement_p_value};
 use super::training::acceleration_is_resolved;
 use super::training::{ASSUMED_WIDTH, Coarseness, INDEPENDENT, Ripple, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_segments};
@@ -383,17 +383,14 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
         // Differences between few strokes cannot be separated from their scatter.
         excluded.push(Term::Stribeck);
     }
-    let choose = |training: &Training, fitted, failed: &[Failed]| {
-        terms::choose(training, (fitted, failed), &excluded, speeds(input), progress)
-    };
-    let mut chosen = choose(&training, fitted, &[]);
+    let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.
         let other = other_width(&training, &chosen.fitted);
         if let Some(other) =
             other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost())
         {
-            chosen = choose(&training, other, &[]);
+            chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
     let layout = &chosen.fitted.best.layout;
@@ -402,12 +399,11 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
         && may_fall
         && let Some(other) = holding_otherwise(input, &training, &chosen.fitted)
     {
-        chosen = choose(&training, other, &[]);
+        chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
     }
     // The terms explain much of what hid others, and of what looked like scatter.
-    let Chosen { fitted, failed, .. } = chosen;
-    let Scaled { training, fitted, .. } = scaled(training, without_drift(fitted), NEXT)?;
-    let chosen = choose(&training, fitted, &failed);
+    let Scaled { training, fitted, .. } = scaled(training, without_drift(chosen.fitted), NEXT)?;
+    let chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     Some(Grown { training, chosen, paper_rms })
 }
 

@@ -15,9 +15,9 @@
 //! coarse encoder hides how a mass turns: errors alike at all reversals are no chance. When no
 //! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
-//! removed again if the fit without it is not significantly worse (the same F test). Most are needed
-//! so clearly that the secant to the model without the term, the others following in one step, shows
-//! it for all terms in one pass.
+//! removed again if the fit without it is not significantly worse (the same F test), or by less than a
+//! term must remove. Most are needed so clearly that the secant to the model without the term, the
+//! others following in one step, shows it for all terms in one pass.
 
 use std::str::FromStr;
 
@@ -414,12 +414,7 @@ pub(super) struct Chosen {
     pub(super) trials: Vec<TermTrial>,
     /// Terms that are significant but too small to be taken, beside that fit.
     rivals: Vec<Score>,
-    /// Terms with which that fit is no better.
-    pub(super) failed: Vec<Failed>,
 }
-
-/// A term that was fitted and not taken, and why.
-pub(super) type Failed = (Term, &'static str);
 
 /// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
@@ -442,13 +437,16 @@ const LARGE_GAIN: f64 = 0.05;
 pub(super) const SUSPECTED: f64 = 0.05;
 /// Least fraction of the squared error that a term must remove in addition to being significant; a
 /// smaller effect is not visible in the force. Where a seal begins to slide, coarse sampling and
-/// encoders look like creep and a static force. Of 90 drawn seals (`tests/trust`) without either they
-/// removed up to 0.6 %, and up to 4.1 % where the steps of the encoder matter
-/// ([`trocar_recording::COARSE`]); a static force that was there removed 1.4 % or more, and 5.6 % behind
-/// such steps.
+/// encoders look like creep and a static force. Of 90 drawn seals (`drawn_strokes` 11 to 100 of
+/// `tests/trust`) those without either lost up to 0.6 % to them with finer encoders, and up to 4.1 %
+/// where the steps are [`trocar_recording::COARSE`] or more; a static force that was there removed 1.4 %
+/// or more, and 5.6 % or more behind such steps, creep up to 3.8 %.
 const LEAST_GAIN: f64 = 1e-3;
 const LEAST_GAIN_AT_YIELD: f64 = 1e-2;
 const LEAST_GAIN_BEHIND_STEPS: f64 = 5e-2;
+
+/// A term that was fitted and not kept, and why.
+type Failed = (Term, &'static str);
 
 /// Why a term with a significant p value is left out.
 const NO_BETTER: &str = "the fit with it is no better";
@@ -475,10 +473,15 @@ impl Score {
         self.p_value < SUSPECTED && self.gain > LARGE_GAIN
     }
 
-    /// Left out, at `level` and for a reason that is known.
-    fn left_out(&self, level: f64, why_not: Option<&'static str>) -> TermTrial {
+    /// Left out, at `level`; `known` is why a fit with it was not kept.
+    fn left_out(&self, level: f64, known: Option<&'static str>) -> TermTrial {
         let Self { term, p_value, gain, .. } = *self;
-        let why_not = why_not.or(self.is_rival(level).then_some(TOO_SMALL));
+        let is_rival = match known {
+            None => self.is_rival(level),
+            Some(why) => why == TOO_SMALL && p_value < level,
+        };
+        let why_not =
+            if is_rival { Some(TOO_SMALL) } else { known.filter(|why| *why != TOO_SMALL) };
         TermTrial { term, kept: false, p_value, gain, why_not, shift: Vec::new() }
     }
 
@@ -496,19 +499,16 @@ pub(super) const TERMS_TO: f64 = 0.6;
 /// Adds terms except those `excluded` as long as the data support one, and removes those that
 /// others make unnecessary.
 ///
-/// Those that have `failed` beside the terms of the fit are tried again once it has others. `speeds`
-/// are the slowest and fastest of the sliding, m/s.
+/// `speeds` are the slowest and fastest of the sliding, m/s.
 pub(super) fn choose(
     training: &Training,
-    (fitted, failed): (Fitted<EmsTrial>, &[Failed]),
+    fitted: Fitted<EmsTrial>,
     excluded: &[Term],
     speeds: [f64; 2],
     progress: Progress,
 ) -> Chosen {
     let mut chosen = Chosen::of(fitted);
-    if chosen.take_out_needless(training, speeds[0]).is_empty() {
-        chosen.failed = failed.to_vec();
-    }
+    chosen.take_out_needless(training, speeds[0]);
     let (mut closed, mut twice) = (Vec::new(), Vec::new());
     while chosen.add_needed(training, (excluded, &closed), speeds, progress) {
         let before = chosen.fitted.cost();
@@ -518,10 +518,9 @@ pub(super) fn choose(
         }
         // A fit that is better without a term had not found the least cost with it.
         let may_return = chosen.fitted.cost() < before;
-        let for_good = |term: &Term| !may_return || twice.contains(term);
-        closed.extend(needless.iter().copied().filter(for_good).map(|term| (term, NO_BETTER)));
-        twice.extend(needless);
-        chosen.failed.clone_from(&closed);
+        let for_good = |(term, _): &Failed| !may_return || twice.contains(term);
+        closed.extend(needless.iter().copied().filter(for_good));
+        twice.extend(needless.into_iter().map(|(term, _)| term));
     }
     chosen
 }
@@ -529,7 +528,7 @@ pub(super) fn choose(
 impl Chosen {
     /// A fit whose terms are not tried.
     pub(super) fn untried(fitted: Fitted<EmsTrial>) -> Self {
-        Self { fitted, trials: Vec::new(), rivals: Vec::new(), failed: Vec::new() }
+        Self { fitted, trials: Vec::new(), rivals: Vec::new() }
     }
 
     /// A fit with its terms.
@@ -555,13 +554,15 @@ impl Chosen {
         speeds: [f64; 2],
         progress: Progress,
     ) -> bool {
+        let mut failed = closed.to_vec();
         let (mut is_rough, mut has_grown) = (false, false);
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             self.trials.retain(|t| t.kept);
-            let why_not = |term: Term| self.failed.iter().find(|f| f.0 == term).map(|f| f.1);
+            let why_not = |term: Term| failed.iter().find(|f| f.0 == term).map(|f| f.1);
             let level = LEVEL / columns;
-            self.trials.extend(scores.iter().map(|s| s.left_out(level, why_not(s.term))));
+            let left_out = |s: &Score| s.left_out(level, why_not(s.term));
+            self.trials.extend(scores.iter().map(left_out));
             let open = || scores.iter().filter(|s| why_not(s.term).is_none());
             let best = open().find(|s| s.is_clear(level)).or(open().find(|s| s.is_large()));
             // A term may only show beside converged others, and what these would gain by
@@ -574,11 +575,11 @@ impl Chosen {
                 continue;
             }
             let Some(best) = best else {
-                let is_rival = |s: &Score| why_not(s.term).is_none() && s.is_rival(level);
+                let is_rival = |s: &Score| left_out(s).why_not == Some(TOO_SMALL);
                 self.rivals = scores.into_iter().filter(is_rival).collect();
                 break;
             };
-            let decided = self.failed.len() + self.trials.iter().filter(|t| t.kept).count();
+            let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
             progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
             match self.with_term(training, best, level) {
@@ -589,9 +590,9 @@ impl Chosen {
                     let own = self.trials.iter_mut().filter(|t| t.term == best.term);
                     own.for_each(|t| (t.kept, t.shift) = (true, Vec::new()));
                     // Together with the new term they may fit better.
-                    self.failed = closed.to_vec();
+                    failed = closed.to_vec();
                 }
-                Err(why) => self.failed.push((best.term, why)),
+                Err(why) => failed.push((best.term, why)),
             }
         }
         has_grown
@@ -622,7 +623,7 @@ impl Chosen {
     /// Fits each term that is significant but too small to be taken, so that the intervals can contain what
     /// the other parameters are with it: to first order they may be far from that.
     pub(super) fn fit_rivals(&mut self, training: &Training) {
-        let Self { fitted, trials, rivals, .. } = self;
+        let Self { fitted, trials, rivals } = self;
         let own = Trial::free(&fitted.best);
         for rival in rivals {
             let trial = trials.iter_mut().find(|t| t.term == rival.term).expect("it was tried");
@@ -670,9 +671,9 @@ impl Chosen {
         }
     }
 
-    /// Removes each term without which the squared error is not significantly larger, the last one
-    /// added first; returns them.
-    fn take_out_needless(&mut self, training: &Training, slowest: f64) -> Vec<Term> {
+    /// Removes each term without which the squared error is not significantly larger, or larger by less
+    /// than the term must remove, the last one added first; returns them, and why.
+    fn take_out_needless(&mut self, training: &Training, slowest: f64) -> Vec<Failed> {
         let mut needless = Vec::new();
         loop {
             let least_gain = |term: Term| term.least_gain(&self.fitted.best, slowest);
@@ -694,7 +695,8 @@ impl Chosen {
                 let own = self.trials.iter_mut().find(|t| t.term == term).expect("it was tried");
                 (own.p_value, own.gain, own.kept) = (without.p_value, without.gain, !is_needless);
                 if is_needless {
-                    needless.push(term);
+                    needless
+                        .push((term, if without.p_value < LEVEL { TOO_SMALL } else { NO_BETTER }));
                     taken = without.fitted;
                 }
             }

@@ -105,6 +105,7 @@ fn half_widths_of_seals_that_let_go_by_a_jump_are_those_of_the_best_fit() {
 #[test]
 fn the_steps_of_an_encoder_do_not_look_like_a_static_force() {
     for outcome in outcomes_of(&["drawn_strokes"], &[29, 66, 107]) {
+        assert_eq!(outcome.refused, None, "seed {}", outcome.seed);
         let is_false = |term: &&Term| matches!(term, Term::Stribeck | Term::Creep);
         let found = outcome.found_terms.iter().find(is_false);
         assert_eq!(found, None, "seed {}", outcome.seed);
