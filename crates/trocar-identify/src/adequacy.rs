@@ -18,7 +18,7 @@ use super::estimate::t_p_value;
 use super::findings::Warning;
 use super::scale::FrictionScale;
 use trocar_recording::{Recording, local_velocity};
-use trocar_simulate::replay::replay;
+use trocar_simulate::replay::replay_rest;
 use trocar_simulate::stick_slip::{StickSlip, Swings};
 
 /// Sliding travel, in half widths, needed to show that the force stays constant.
@@ -157,7 +157,8 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let falls = insertion.static_force > insertion.coulomb_force;
     let swings =
         Swings::of(input.recordings, input.segments, *offset, falls).filter(|_| model.has_shape);
-    doubts.extend(swings.iter().map(swing_warning));
+    let are_left_out = input.stick_slip.is_some();
+    doubts.extend(swings.iter().map(|swings| swing_warning(swings, are_left_out)));
     doubts.extend(left_out(input));
     let stick_slip = swings.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
@@ -174,20 +175,16 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
 fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let (recording, segments) = (&input.recordings[index], &input.segments[index]);
     let candidate = model.candidate;
-    let run = replay(&model.trocar, recording, candidate.offset);
+    let force = recording.force_without(&candidate.loads, candidate.offset);
+    let reading = |i: usize| force[i] - candidate.offset;
+    let run = replay_rest(&model.trocar, recording, reading, &input.left_out[index]);
     let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = RecordingSums::default();
-    let force = recording.force_without(&candidate.loads, candidate.offset);
-    let reading = |i: usize| force[i] - candidate.offset;
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for stroke in &segments.strokes {
-        if input.left_out[index].swings_at(stroke.start) {
-            slid_before = None;
-            continue;
-        }
         let scale = model.scale.at(index, recording.time[stroke.start] - recording.time[0]);
         let (mut slid, mut sums) = (0.0, Vec::new());
         for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i))
@@ -356,9 +353,9 @@ fn doubt(phase: &Phase) -> Option<Warning> {
 }
 
 /// The warning about a force that swings at constant velocity.
-fn swing_warning(swings: &Swings) -> Warning {
+fn swing_warning(swings: &Swings, are_left_out: bool) -> Warning {
     let (subject, text) = match swings {
-        Swings::StickSlip(found) => ("stick-slip", in_words(found)),
+        Swings::StickSlip(found) => ("stick-slip", in_words(found, are_left_out)),
         Swings::Rig { speed_m_s, frequency_hz: [least, most] } => {
             let text = format!(
                 "at {} mm/s the force swings, {least:.1} to {most:.1} times a second, at slower speeds it does not: no stick-slip, \
@@ -391,22 +388,34 @@ fn swing_warning(swings: &Swings) -> Warning {
 fn left_out(input: &Input) -> Option<Warning> {
     let count: usize = input.left_out.iter().map(|out| out.strokes.len()).sum();
     let all: usize = input.segments.iter().map(|segments| segments.strokes.len()).sum();
+    let how = match input.stick_slip {
+        Some(_) => "fitted up to the first slip alone",
+        None => "not fitted",
+    };
     let text = || {
         format!(
-            "in {count} of {all} strokes the force swings as where a seal sticks and slips: they are not fitted"
+            "in {count} of {all} strokes the force swings as where a seal sticks and slips: they are {how}"
         )
     };
     (count > 0 && !input.options.paper).then(|| Warning::remark("swings", text()))
 }
 
-fn in_words(found: &StickSlip) -> String {
+fn in_words(found: &StickSlip, are_left_out: bool) -> String {
     let speeds = speeds_in_words(found.speed_m_s);
-    let [low, high] = found.force_n;
+    let ([low, high], [rare, often]) = (found.force_n, found.frequency_hz);
+    let consequence = match are_left_out {
+        true => {
+            "No model predicts when each slip begins, so slow strokes are fitted up to the first one alone: c, the joins and \
+             what changes in time may be off; record faster strokes, too"
+        }
+        false => {
+            "The static force F_s is the upper of the two, whatever the fit gives: no model predicts when each slip begins, so \
+             sliding forces, Stribeck velocity and c may be off; record faster strokes, too"
+        }
+    };
     format!(
-        "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
-             slips. The static force F_s is the upper of the two, whatever the fit gives: no model predicts when each slip begins, so \
-             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
-        found.frequency_hz[0], found.frequency_hz[1]
+        "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {rare:.1} to {often:.1} times a second: the seal \
+             sticks and slips. {consequence}"
     )
 }
 

@@ -12,7 +12,7 @@ use trocar_model::{
 use trocar_recording::loads::{ByLoad, Load, Loads};
 
 use super::kept::Kept;
-use super::likelihood::{BLOCK, Column, Free, Trial, each_alone, with_rows};
+use super::likelihood::{BLOCK, Column, Free, LEAP, Trial, each_alone, with_rows};
 use super::load::{OfLoad, load_of, of_load};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
@@ -309,6 +309,9 @@ pub(super) struct Layout {
     pub(super) exponent: bool,
     /// Largest Coulomb and static force, N, that the range of the readings permits.
     pub(super) largest: f64,
+    /// Least and greatest static force, N, and half width, m, where a seal that sticks and slips is seen
+    /// to let go.
+    pub(super) lets_go: Option<[[f64; 2]; 2]>,
     /// c and the branches.
     pub(super) shape: bool,
     /// Least c, m, that encoder and sampling resolve.
@@ -351,6 +354,7 @@ impl Layout {
         stribeck: false,
         exponent: false,
         largest: f64::INFINITY,
+        lets_go: None,
         shape: true,
         narrowest: 0.0,
         is_coarse: false,
@@ -435,7 +439,8 @@ impl Layout {
         let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
         if self.shape {
             let near = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
-            let [low, high] = self.range(Quantity::HalfWidth, near);
+            let of_fit = self.lets_go.map_or(near, |[_, of_width]| of_width);
+            let [low, high] = self.range(Quantity::HalfWidth, of_fit);
             on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
             for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
@@ -475,7 +480,8 @@ impl Layout {
         }
         if self.stribeck {
             let most = largest.min(10.0 * candidate.insertion.coulomb_force);
-            let [low, high] = self.range(Quantity::StaticForce, [10.0 * force, most]);
+            let of_fit = self.lets_go.map_or([10.0 * force, most], |[of_force, _]| of_force);
+            let [low, high] = self.range(Quantity::StaticForce, of_fit);
             on(
                 &mut candidate.insertion.static_force,
                 Span::new(Kind::SlidingForce, force, low, high),
@@ -714,7 +720,15 @@ impl Trial for EmsTrial {
 
     /// The steps of the free numbers change a force by a thousandth of the static force at most.
     fn leap(&self) -> f64 {
-        1e-2 * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
+        LEAP * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
+    }
+
+    fn limit(model: &Stages, direction: Direction) -> f64 {
+        let of = |element: &Element| {
+            let ElementParams { insertion, withdrawal, .. } = element.params();
+            direction.pick([insertion, withdrawal]).static_force
+        };
+        direction.sign() * model.elements().iter().map(of).sum::<f64>()
     }
 
     fn followers(&self) -> Vec<Ordinate> {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use trocar_recording::Recording;
 use trocar_recording::loads::Recorded;
 use trocar_simulate::segment::{Segments, segment};
-use trocar_simulate::stick_slip::LeftOut;
+use trocar_simulate::stick_slip::{LeftOut, StickSlip};
 
 /// Recordings with the position delay compensated, the delay, and the estimate made from them.
 pub(super) struct InTime {
@@ -28,6 +28,7 @@ pub(super) struct InTime {
     effects: Vec<Recorded>,
     /// Of each recording.
     left_out: Vec<LeftOut>,
+    stick_slip: Option<StickSlip>,
     pub(super) two: TwoSteps,
 }
 
@@ -125,10 +126,17 @@ impl InTime {
             || two_steps::two_steps(&recordings, &segments, options),
             || recordings.par_iter().map(Recording::acceleration).collect(),
         );
-        let two = two?;
-        let left_out = LeftOut::of(&recordings, &segments, two.candidate.offset);
+        let mut two = two?;
+        let (left_out, stick_slip) = LeftOut::of(&recordings, &segments, two.candidate.offset);
+        if !options.paper && stick_slip.is_some() {
+            // The mean of a force that swings is no sliding force.
+            let smooth: Vec<Segments> =
+                segments.iter().zip(&left_out).map(|(s, out)| out.smooth(s)).collect();
+            two = two_steps::two_steps(&recordings, &smooth, options)?;
+        }
         let effects = recordings.iter().map(Recording::effects).collect();
-        let found = Self { recordings, lag, segments, accelerations, effects, left_out, two };
+        let found =
+            Self { recordings, lag, segments, accelerations, effects, left_out, stick_slip, two };
         let begun =
             if options.paper { None } else { element::begin(&found.input(options), progress) };
         Ok((found, begun))
@@ -136,6 +144,7 @@ impl InTime {
 
     pub(super) fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
         let Self { recordings, segments, accelerations, effects, left_out, two, .. } = self;
-        Input { recordings, segments, accelerations, effects, left_out, two, options }
+        let stick_slip = self.stick_slip.as_ref();
+        Input { recordings, segments, accelerations, effects, left_out, stick_slip, two, options }
     }
 }

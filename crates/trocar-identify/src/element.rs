@@ -29,11 +29,11 @@ use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Unexplained, UnexplainedEffects};
 use trocar_recording::loads::{Load, Recorded};
-use trocar_recording::{Recording, range};
+use trocar_recording::{Recording, median, range};
 use trocar_simulate::motion_found::FreeMotion;
-use trocar_simulate::replay::replay;
+use trocar_simulate::replay::replay_rest;
 use trocar_simulate::segment::{Direction, Segments, SteadySegment};
-use trocar_simulate::stick_slip::LeftOut;
+use trocar_simulate::stick_slip::{LeftOut, Piece, StickSlip};
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
@@ -66,6 +66,8 @@ pub(super) struct Input<'a> {
     pub(super) effects: &'a [Recorded],
     /// Of each recording.
     pub(super) left_out: &'a [LeftOut],
+    /// How the seal sticks and slips, where that is left out.
+    pub(super) stick_slip: Option<&'a StickSlip>,
     pub(super) two: &'a TwoSteps,
     pub(super) options: &'a IdentifyOptions,
 }
@@ -345,10 +347,11 @@ fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) ->
 pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
     let of = |(recording, left_out): (&Recording, &LeftOut)| {
-        let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
         let reading = recording.force_without(&candidate.loads, candidate.offset);
-        let error = |i: usize| reading[i] - candidate.offset - run.force[i];
-        let known = run.known.iter().cloned().flatten().filter(|i| !left_out.swings_at(*i));
+        let seal = |i: usize| reading[i] - candidate.offset;
+        let run = replay_rest(&Trocar::of_seal(stages), recording, seal, left_out);
+        let error = |i: usize| seal(i) - run.force[i];
+        let known = run.known.iter().cloned().flatten();
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
     let each: Vec<(f64, f64)> = input.recordings.par_iter().zip(input.left_out).map(of).collect();
@@ -774,7 +777,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let own_slopes = !Term::Asymmetry.is_ruled_out(&kept)
         && is_wanted(Term::Asymmetry)
         && steady.symmetry_p_value.is_some_and(|p| p < SURE);
-    let layout = Layout {
+    let mut layout = Layout {
         offset: options.offset.is_none(),
         own_slopes,
         own_levels: own_slopes && options.offset.is_some(),
@@ -793,6 +796,9 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         candidate.offset = offset;
     }
     candidate.seal_damping = 0.0;
+    if let Some(found) = input.stick_slip.filter(|_| is_wanted(Term::Stribeck)) {
+        candidate = seen_to_let_go(input, found, candidate, &mut layout);
+    }
     let candidate = layout
         .with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
@@ -827,6 +833,57 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         true => plain.flat_map(creeping).flat_map(with_kept).collect(),
         false => plain.flat_map(with_kept).collect(),
     }
+}
+
+/// Standard deviations of the noise by which the greatest readings of a force that swings exceed it, and
+/// part of it to which they tell it.
+const IN_NOISE: f64 = 2.0;
+const SEEN_TO: f64 = 0.05;
+
+/// Half widths about the one that is seen.
+const SEEN_WIDTH: [f64; 2] = [0.7, 1.4];
+
+/// The start of a fit of a seal that sticks and slips as `found`, and in the layout what is seen of it.
+fn seen_to_let_go(
+    input: &Input,
+    found: &StickSlip,
+    candidate: Candidate,
+    layout: &mut Layout,
+) -> Candidate {
+    let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
+    let seen = found.force_n[1] - IN_NOISE * noise;
+    let margin = SEEN_TO * seen + noise;
+    let candidate = holding_as_seen(candidate, seen, found.speed_m_s[1]);
+    let width = width_seen(input).unwrap_or(candidate.half_width);
+    let of_width = SEEN_WIDTH.map(|part| part * width);
+    (layout.stribeck, layout.lets_go) = (true, Some([[seen - margin, seen + margin], of_width]));
+    candidate.with_half_width(width).unwrap_or(candidate)
+}
+
+/// Half of the travel, m, from where a seal turns to where it lets go.
+fn width_seen(input: &Input) -> Option<f64> {
+    let recordings = input.recordings.iter().zip(input.left_out);
+    let all = recordings.flat_map(|(recording, out)| {
+        let known = out.rest.iter().filter(|piece| piece.lets_go.is_some());
+        known.map(|Piece { samples, .. }| {
+            0.5 * (recording.position[samples.end - 1] - recording.position[samples.start]).abs()
+        })
+    });
+    median(all.collect())
+}
+
+/// The candidate with the `static_force`, N, at which the seal is seen to let go, and a friction that
+/// falls up to the `fastest` speed, m/s, at which it does.
+fn holding_as_seen(candidate: Candidate, static_force: f64, fastest: f64) -> Candidate {
+    let excess = |sliding: &SlidingFriction| {
+        (static_force - sliding.coulomb_force).max(LEAST_EXCESS * sliding.coulomb_force)
+    };
+    let mut held = candidate.holding(excess, FIRST_VELOCITY * fastest).unwrap_or(candidate);
+    for sliding in [&mut held.insertion, &mut held.withdrawal] {
+        let least = 0.01 * sliding.coulomb_force / fastest;
+        sliding.viscous_damping = sliding.viscous_damping.max(least);
+    }
+    held
 }
 
 /// The start with every term of which a parameter is kept, at each shape that is tried.

@@ -18,6 +18,10 @@
 //! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·(θ_j − μ_j)²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
 //! r_i = y_i − o − m·a_i − (u_i without the e_g)·F_i             Z_ig = w_i·F_i in stroke g, (1 − w_i)·F_i in the next
 //! ```
+//! Of a seal that sticks and slips, runs begin at a reversal with the force F_0 of a reading, whose error
+//! f·F_s, f ~ N(0, [`BEGIN_ERROR`]²), takes the place of the stroke before: Z = F_s·∂F_i/∂F_0. Such a run
+//! ends with the reading at which the seal lets go, whose prediction is F_s.
+//!
 //! A stroke whose speed responds to its friction (a constant push) determines the shape of the
 //! force but not its size: λ_g is 1e-6 of the stroke's own information there.
 //!
@@ -31,10 +35,10 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use trocar_model::Friction;
+use trocar_model::{Direction, Friction};
 
 use super::prior::{Kind, Prior};
-use super::training::{INDEPENDENT, Run, Scale, Step, Training};
+use super::training::{INDEPENDENT, Run, Step, Training};
 use trocar_recording::loads::{Load, Loads};
 use trocar_simulate::cancel;
 
@@ -132,6 +136,10 @@ pub(crate) trait Trial: Clone + Send + Sync {
     /// motion to another, as where a seal sticks and slips, and no derivative.
     fn leap(&self) -> f64 {
         f64::INFINITY
+    }
+    /// Force at which the model lets go in a direction, N, where that is a number of its own.
+    fn limit(_model: &Self::Model, _direction: Direction) -> f64 {
+        f64::NAN
     }
     /// The derivatives that can follow its simulation, at the start of a run.
     fn followers(&self) -> Self::Followers;
@@ -266,7 +274,8 @@ struct Scatter {
 impl Scatter {
     /// `sums` start with the empty sums of the stroke before; `first` is the number of the first of
     /// the others.
-    fn new(sums: &[ScaleSums], first: usize, scale: &Scale, lambda: f64) -> Self {
+    fn new(sums: &[ScaleSums], first: usize, training: &Training, lambda: f64) -> Self {
+        let scale = &training.scale;
         let mut factored = Self {
             pivots: Vec::with_capacity(sums.len()),
             below: vec![0.0; sums.len()],
@@ -276,14 +285,20 @@ impl Scatter {
             let square = sums[k].own + sums.get(k + 1).map_or(0.0, |next| next.before);
             let is_unconstrained =
                 (first + k).checked_sub(1).is_some_and(|g| scale.is_unconstrained(g));
-            let held = if is_unconstrained { UNCONSTRAINED * square } else { lambda };
+            let is_begin = k == 0 && training.strokes[first].begins;
+            let held = match (is_begin, is_unconstrained) {
+                (true, _) => training.variance / (BEGIN_ERROR * BEGIN_ERROR),
+                (false, true) => UNCONSTRAINED * square,
+                (false, false) => lambda,
+            };
             let mut pivot = if square + held > 0.0 { square + held } else { 1.0 };
             if k > 0 {
                 factored.below[k] = sums[k].mixed / factored.pivots[k - 1];
                 pivot -= factored.below[k] * sums[k].mixed;
             }
             factored.pivots.push(pivot);
-            factored.determinant += if is_unconstrained { 0.0 } else { (pivot / lambda).ln() };
+            let is_scatter = !is_begin && !is_unconstrained;
+            factored.determinant += if is_scatter { (pivot / lambda).ln() } else { 0.0 };
         }
         factored
     }
@@ -315,10 +330,10 @@ fn with_stroke_before(sums: impl Iterator<Item = ScaleSums>) -> Vec<ScaleSums> {
 }
 
 /// The decrease of C due to the scatter of the strokes.
-fn taken_away(sums: &[ScaleSums], first: usize, scale: &Scale) -> f64 {
+fn taken_away(sums: &[ScaleSums], first: usize, training: &Training) -> f64 {
     let moments = gathered(sums.len(), |k| sums[k].moment, |k| sums[k].moment_before);
     let all = with_stroke_before(sums.iter().copied());
-    let scatter = Scatter::new(&all, first, scale, scale.lambda).solve(moments.clone());
+    let scatter = Scatter::new(&all, first, training, training.scale.lambda).solve(moments.clone());
     moments.iter().zip(&scatter).map(|(m, e)| m * e).sum()
 }
 
@@ -334,6 +349,9 @@ pub(crate) struct StrokeScale {
     /// v_g from the stroke's own readings alone, and their information Σ Z², N².
     pub(crate) own: f64,
     pub(crate) information: f64,
+    /// Where the stroke is the first of its cluster: e of the one before, or the error of the force at
+    /// which it begins.
+    before: f64,
 }
 
 /// Normal equations at one parameter vector, with the scatter of the strokes eliminated.
@@ -383,13 +401,16 @@ fn seal_force<M: Friction>(model: &M, state: &mut M::State, step: &Step) -> f64 
     step.at_centre(before, model.step(state, step.displacement, step.duration))
 }
 
-/// Initial state of a run: at rest at its first reading.
-fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Friction>::State {
-    let Loads([_, loads @ .., gain]) = trial.loads();
-    let [_, effects @ .., pressure] =
-        run.steps.first().map_or_else(Default::default, |s| s.effects);
+/// Initial state of a run: at rest at its first reading, and `more` N.
+fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run, more: f64) -> StateOf<T> {
+    let Loads([loads @ .., gain]) = trial.loads();
+    let [effects @ .., pressure] = run.first_effects;
     let beside: f64 = loads.iter().zip(effects).map(|(load, effect)| load * effect).sum();
-    model.rest_at_force((run.first_force - trial.offset() - beside) / (1.0 + gain * pressure))
+    let force = (run.first_force - trial.offset() - beside) / (1.0 + gain * pressure);
+    match run.after {
+        Some(direction) => model.rest_after(direction, force + more),
+        None => model.rest_at_force(force),
+    }
 }
 
 /// Scale of each stroke without its own scatter: the drift.
@@ -399,6 +420,14 @@ fn drifts<T: Trial>(training: &Training, trial: &T) -> Vec<f64> {
         .map(|g| trial.drift().iter().zip(basis).map(|(d, phi)| d * phi[g]).sum())
         .collect()
 }
+
+/// Error of the force at which a run begins that is known from a reading, as a part of the static force:
+/// the scale of the stroke before and the inertia of what turns are in that reading.
+const BEGIN_ERROR: f64 = 0.1;
+/// Step of that force for its derivative, as a part of [`Trial::leap`], and that as a part of the static
+/// force.
+const BEGIN_STEP: f64 = 1e-2;
+pub(super) const LEAP: f64 = 1e-2;
 
 /// Quantities that do not depend on the scatter of the strokes.
 struct Predictor<'a> {
@@ -447,6 +476,18 @@ impl<'a> Predictor<'a> {
         (reading - scale * force, gain * scale, [step.blend * force, (1.0 - step.blend) * force])
     }
 
+    /// u_i·∂F_i/∂F_0·F_s, N: by the force F_0 at which the run begins, from the `other` force where it
+    /// began higher.
+    #[inline]
+    fn of_begin(&self, step: &Step, scale: f64, force: f64, other: f64) -> f64 {
+        let change = other - force;
+        if self.training.strokes[step.stroke].begins && change.abs() <= self.leap {
+            scale * change / (BEGIN_STEP * LEAP)
+        } else {
+            0.0
+        }
+    }
+
     /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction;
     /// `before` is the force simulated before the block.
     fn row(
@@ -454,13 +495,16 @@ impl<'a> Predictor<'a> {
         block: &[Step],
         i: usize,
         lanes: &DMatrix<f64>,
-        sources: &[Source],
+        (sources, begun): (&[Source], Option<usize>),
         before: f64,
         row: &mut [f64],
     ) -> (f64, [f64; 2]) {
         let (step, force) = (&block[i], lanes[(0, i)]);
         let rate = (force - if i > 0 { lanes[(0, i - 1)] } else { before }) / step.duration;
-        let (residual, scale, z) = self.residual(step, force);
+        let (residual, scale, mut z) = self.residual(step, force);
+        if let (Some(lane), true) = (begun, self.training.scale.is_free) {
+            z[1] += self.of_begin(step, scale, force, lanes[(lane, i)]);
+        }
         let basis = &self.training.scale.basis;
         for (slot, source) in row.iter_mut().zip(sources) {
             *slot = match source {
@@ -489,14 +533,20 @@ fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
     let predictor = Predictor::new(training, trial);
     let of_run = |run: &Run| {
         cancel::check();
-        let mut state = start(trial, &model, run);
+        let mut state = start(trial, &model, run, 0.0);
+        let is_begun = run.after.is_some() && training.scale.is_free;
+        let mut begun = is_begun.then(|| start(trial, &model, run, BEGIN_STEP * trial.leap()));
         let Range { start: first, end } = run.strokes();
         let mut sums = vec![ScaleSums::default(); end - first];
         let mut squares = 0.0;
         for step in &run.steps {
-            let force = seal_force(&model, &mut state, step);
+            let own = seal_force(&model, &mut state, step);
+            let force = step.limit.map_or(own, |direction| T::limit(&model, direction));
+            let other = begun.as_mut().map(|state| seal_force(&model, state, step));
+            let other = other.filter(|_| step.limit.is_none());
             if step.weight > 0.0 {
-                let (r, _, z) = predictor.residual(step, force);
+                let (r, scale, mut z) = predictor.residual(step, force);
+                z[1] += other.map_or(0.0, |other| predictor.of_begin(step, scale, force, other));
                 squares += step.weight * r * r;
                 sums[step.stroke - first].add(step.weight, r, z);
             }
@@ -509,8 +559,7 @@ fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
         return Some(squares);
     }
     let strokes: Vec<ScaleSums> = by_run.into_iter().flat_map(|run| run.1).collect();
-    let of =
-        |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, &training.scale);
+    let of = |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, training);
     Some(squares - training.cluster_strokes().map(of).sum::<f64>())
 }
 
@@ -556,12 +605,14 @@ struct Simulations<T: Trial> {
     models: Vec<T::Model>,
     /// Number of leading simulations that differ little.
     close: usize,
+    /// The one among them that begins at another force where that is known from a reading.
+    begun: Option<usize>,
     sources: Vec<Source>,
 }
 
 impl<T: Trial> Simulations<T> {
     /// `None` where one of them is not a valid model.
-    fn new(trial: &T, extra: &[Extra<T>]) -> Option<Self> {
+    fn new(training: &Training, trial: &T, extra: &[Extra<T>]) -> Option<Self> {
         let free = trial.free();
         let values: Vec<f64> = free.iter().map(|f| f.value).collect();
         let mut trials = vec![trial.clone()];
@@ -582,6 +633,10 @@ impl<T: Trial> Simulations<T> {
                 }
             });
         }
+        let begun = training.runs.iter().any(|run| run.after.is_some()).then(|| {
+            trials.push(trial.clone());
+            trials.len() - 1
+        });
         let close = trials.len();
         for column in extra {
             sources.push(match column {
@@ -600,7 +655,7 @@ impl<T: Trial> Simulations<T> {
             }
         }
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        Some(Self { trials, models, close, sources })
+        Some(Self { trials, models, close, begun, sources })
     }
 }
 
@@ -613,8 +668,11 @@ struct Running<'a, T: Trial> {
 
 impl<'a, T: Trial> Running<'a, T> {
     fn new(simulations: &'a Simulations<T>, run: &Run) -> Self {
-        let Simulations { trials, models, sources, .. } = simulations;
-        let states: Vec<_> = models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
+        let Simulations { trials, models, sources, begun, .. } = simulations;
+        let of = |(k, (m, t)): (usize, (&T::Model, &T))| {
+            start(t, m, run, if *begun == Some(k) { BEGIN_STEP * t.leap() } else { 0.0 })
+        };
+        let states: Vec<_> = models.iter().zip(trials).enumerate().map(of).collect();
         let is_asked = sources.iter().any(|source| matches!(source, Source::Followed(_)));
         let followed = is_asked.then(|| (trials[0].followers(), states[0]));
         Self { simulations, states, followed }
@@ -624,7 +682,15 @@ impl<'a, T: Trial> Running<'a, T> {
     fn over(&mut self, steps: &[Step]) -> DMatrix<f64> {
         cancel::check();
         let Self { simulations: Simulations { models, close, .. }, states, followed } = self;
-        let mut forces = || T::forces(models, states, *close, steps);
+        let mut forces = || {
+            let mut all = T::forces(models, states, *close, steps);
+            for (i, step) in steps.iter().enumerate() {
+                let Some(direction) = step.limit else { continue };
+                let own = |(force, model): (&mut f64, _)| *force = T::limit(model, direction);
+                all.column_mut(i).iter_mut().zip(models).for_each(own);
+            }
+            all
+        };
         let Some((followers, state)) = followed else { return forces() };
         let follow = || T::follow(followers, &models[0], state, steps);
         let (forces, derivatives) = rayon::join(forces, follow);
@@ -656,7 +722,7 @@ fn normal_equations<T: Trial>(
     trial: &T,
     extra: &[Extra<T>],
 ) -> Option<Normal> {
-    let simulations = Simulations::new(trial, extra)?;
+    let simulations = Simulations::new(training, trial, extra)?;
     let p = simulations.sources.len();
     let predictor = Predictor::new(training, trial);
     let mut clusters: Vec<ClusterSums> =
@@ -684,7 +750,7 @@ fn sum_over<T: Trial>(
     run: &Run,
     clusters: &mut [ClusterSums],
 ) {
-    let sources = &simulations.sources;
+    let sources = (&simulations.sources[..], simulations.begun);
     let mut running = Running::new(simulations, run);
     let mut blocks = run.steps.chunks(BLOCK).peekable();
     let mut before = 0.0;
@@ -729,8 +795,8 @@ impl Row {
 /// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
 /// model.
 pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
-    let simulations = Simulations::new(trial, &[])?;
-    let sources = &simulations.sources;
+    let simulations = Simulations::new(training, trial, &[])?;
+    let sources = (&simulations.sources[..], simulations.begun);
     let predictor = Predictor::new(training, trial);
     let of_run = |(number, run): (usize, &Run)| {
         let lanes = Running::new(&simulations, run).over(&run.steps);
@@ -741,7 +807,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
             *end = time;
         }
         let of_step = |i: usize| {
-            let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
+            let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.0.len()]);
             let (residual, scale) =
                 predictor.row(&run.steps, i, &lanes, sources, lanes[(0, 0)], &mut derivatives);
             Row {
@@ -768,7 +834,7 @@ fn accumulate(
     predictor: &Predictor,
     block: &[Step],
     lanes: &DMatrix<f64>,
-    sources: &[Source],
+    sources: (&[Source], Option<usize>),
     before: f64,
     clusters: &mut [ClusterSums],
 ) {
@@ -790,11 +856,11 @@ fn accumulate_cluster(
     block: &[Step],
     range: Range<usize>,
     lanes: &DMatrix<f64>,
-    sources: &[Source],
+    sources: (&[Source], Option<usize>),
     before: f64,
     cluster: &mut ClusterSums,
 ) {
-    let p = sources.len();
+    let p = sources.0.len();
     let mut rows = vec![0.0; AT_ONCE * p];
     let mut weights = [0.0; AT_ONCE];
     let counted: Vec<usize> = range.filter(|i| block[*i].weight > 0.0).collect();
@@ -865,7 +931,7 @@ impl Training {
             }
         }
         let with_before = with_stroke_before(scales.into_iter());
-        let factored = Scatter::new(&with_before, first, &self.scale, self.scale.lambda);
+        let factored = Scatter::new(&with_before, first, self, self.scale.lambda);
         let mut solved = cross.clone();
         for j in 0..p {
             let row = factored.solve(cross.row(j).iter().copied().collect());
@@ -907,13 +973,17 @@ impl Training {
             clusters: Vec::new(),
         };
         for sums in &clusters {
-            let cluster = Cluster::new(sums, &self.scale, self.scale.lambda);
+            let cluster = Cluster::new(sums, self, self.scale.lambda);
             let scatters = sums.strokes.iter().zip(&cluster.scatter);
             for (drift, (stroke, scatter)) in drift[sums.first..].iter().zip(scatters) {
                 let sums = stroke.scale;
                 let own = if sums.own > 0.0 { sums.moment / sums.own } else { 0.0 };
                 let value = if self.scale.is_free { drift + scatter } else { 0.0 };
-                normal.scales.push(StrokeScale { value, own: drift + own, information: sums.own });
+                let (own, information) = (drift + own, sums.own);
+                normal.scales.push(StrokeScale { value, own, information, before: 0.0 });
+            }
+            if self.scale.is_free {
+                normal.scales[sums.first].before = cluster.before;
             }
             normal.hessians.push(cluster.hessian);
             normal.scores.push(cluster.score);
@@ -929,14 +999,15 @@ struct Cluster {
     hessian: DMatrix<f64>,
     score: DVector<f64>,
     cost: f64,
-    /// e_g of its strokes.
+    /// e_g of its strokes, and of the one before.
     scatter: Vec<f64>,
+    before: f64,
     /// ln|P/λ|.
     determinant: f64,
 }
 
 impl Cluster {
-    fn new(sums: &ClusterSums, scale: &Scale, lambda: f64) -> Self {
+    fn new(sums: &ClusterSums, training: &Training, lambda: f64) -> Self {
         let ClusterSums { strokes, first, .. } = sums;
         let (count, p) = (strokes.len(), sums.score.len());
         let mut cluster = Self {
@@ -944,17 +1015,14 @@ impl Cluster {
             score: sums.score.clone(),
             cost: sums.cost,
             scatter: vec![0.0; count],
+            before: 0.0,
             determinant: 0.0,
         };
-        if !scale.is_free {
+        if !training.scale.is_free {
             return cluster;
         }
-        let factored = Scatter::new(
-            &with_stroke_before(strokes.iter().map(|s| s.scale)),
-            *first,
-            scale,
-            lambda,
-        );
+        let with_before = with_stroke_before(strokes.iter().map(|s| s.scale));
+        let factored = Scatter::new(&with_before, *first, training, lambda);
         let moments =
             gathered(count, |k| strokes[k].scale.moment, |k| strokes[k].scale.moment_before);
         let scatter = factored.solve(moments.clone());
@@ -972,7 +1040,7 @@ impl Cluster {
             }
         }
         cluster.cost -= dot(&moments, &scatter);
-        cluster.scatter = scatter[1..].to_vec();
+        (cluster.before, cluster.scatter) = (scatter[0], scatter[1..].to_vec());
         cluster.determinant = factored.determinant;
         cluster
     }
@@ -1164,7 +1232,13 @@ impl<T: Trial> Fitted<T> {
         let scatter = |g: usize| self.normal.scales[g].value - drift[g];
         let residual = |row: &Row| {
             let [own, before] = row.scale;
-            let of_before = if before != 0.0 { before * scatter(row.stroke - 1) } else { 0.0 };
+            let of_before = match before {
+                0.0 => 0.0,
+                _ if training.strokes[row.stroke].begins => {
+                    before * self.normal.scales[row.stroke].before
+                }
+                _ => before * scatter(row.stroke - 1),
+            };
             row.residual - own * scatter(row.stroke) - of_before
         };
         match training.scale.is_free {
@@ -1391,7 +1465,7 @@ impl Normal {
 
     /// The sums of all clusters with the scatter of the strokes eliminated for this λ.
     fn with_scatter(&self, training: &Training, lambda: f64) -> Cluster {
-        let of = |sums| Cluster::new(sums, &training.scale, lambda);
+        let of = |sums| Cluster::new(sums, training, lambda);
         let mut all = of(&self.clusters[0]);
         for cluster in self.clusters[1..].iter().map(of) {
             all.hessian += cluster.hessian;

@@ -13,10 +13,10 @@ use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
 use trocar_recording::Recording;
-use trocar_recording::loads::{ByLoad, Recorded};
+use trocar_recording::loads::{ByLoad, Load, Recorded};
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
-use trocar_simulate::stick_slip::LeftOut;
+use trocar_simulate::stick_slip::{LeftOut, Piece};
 
 /// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
 const THINNING: usize = 50;
@@ -66,6 +66,8 @@ pub(crate) struct Step {
     pub(crate) stroke: usize,
     /// Path since the stroke began, m.
     path: f64,
+    /// The reading is that at which the seal lets go in this direction, of F_s in place of F.
+    pub(crate) limit: Option<Direction>,
     /// w: degree to which the stroke's friction scale has replaced that of the stroke before.
     pub(crate) blend: f64,
 }
@@ -105,8 +107,17 @@ impl Step {
             independent: if independent.is_finite() { 1.0 } else { samples },
             stroke,
             path,
+            limit: None,
             blend: 1.0,
         }
+    }
+
+    /// The reading after this step at which the seal lets go, N.
+    fn letting_go(&self, force: f64) -> Self {
+        let inserts = self.displacement > 0.0;
+        let limit = if inserts { Direction::Insertion } else { Direction::Withdrawal };
+        let (displacement, limit) = (0.0, Some(limit));
+        Self { displacement, force, weight: LETS_GO, centre: 1.0, limit, ..self.clone() }
     }
 
     /// Force at the centre, interpolated between those before and after the step, N.
@@ -137,6 +148,8 @@ pub(crate) struct ScaledStroke {
     pub(crate) time: f64,
     /// Direction of the motion at its start; `None` at rest.
     pub(crate) direction: Option<Direction>,
+    /// Whether a run begins with it whose first state is known from a reading.
+    pub(crate) begins: bool,
 }
 
 /// The friction scale of the strokes in the likelihood.
@@ -164,8 +177,11 @@ impl Scale {
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) steps: Vec<Step>,
-    /// Reading before the first step, N.
+    /// Reading before the first step, N, and what one unit of each load did then.
     pub(crate) first_force: f64,
+    pub(crate) first_effects: ByLoad<f64>,
+    /// Direction of the motion before, where the seal deforms from that reading on.
+    pub(crate) after: Option<Direction>,
 }
 
 impl Run {
@@ -236,24 +252,28 @@ impl Segmented<'_> {
         [Some(self.acceleration), side, weight, pressure]
     }
 
+    /// Mean reading over samples, N, and what one unit of each load did.
+    fn mean_over(&self, samples: Range<usize>) -> (f64, ByLoad<f64>) {
+        let of = |all: &[f64]| mean(&all[samples.clone()]);
+        let effects = self.effects().map(|effect| effect.map_or(0.0, of));
+        (of(&self.recording.force), effects.map(|own| if own.is_nan() { 0.0 } else { own }))
+    }
+
     /// What is fitted: from each piece to the next the state is unknown.
-    fn pieces(&self) -> Vec<Range<usize>> {
-        let mut all = Vec::new();
-        for Range { start, end } in self.recording.unbroken() {
-            let mut from = start;
-            for out in self.left_out.strokes.iter().filter(|out| out.start < end && out.end > start)
-            {
-                // The last sample of a stroke is the first of the next one.
-                all.push(from..out.start + 1);
-                from = out.end;
+    fn pieces(&self) -> Vec<Piece> {
+        let all = match self.left_out.rest.as_slice() {
+            [] => {
+                let unknown = |samples| Piece { samples, begins: None, lets_go: None };
+                self.recording.unbroken().map(unknown).collect()
             }
-            all.push(from..end);
-        }
-        all.retain(|piece| piece.end > piece.start + 1);
-        all
+            rest => rest.to_vec(),
+        };
+        all.into_iter().filter(|piece| piece.samples.len() > 1).collect()
     }
 }
 
+/// Weight of a reading at which the seal lets go: of the samples by which it is found.
+const LETS_GO: f64 = 4.0;
 /// Most samples of a step that count as independent, since the unmodelled error changes little
 /// within it.
 pub(crate) const INDEPENDENT: f64 = 8.0;
@@ -331,7 +351,7 @@ impl Training {
     /// initial states give the same force.
     pub(crate) fn forget_unknown_starts(&mut self, stages: Stages) {
         let seal = Seal::from(stages);
-        for run in &mut self.runs {
+        for run in self.runs.iter_mut().filter(|run| run.after.is_none()) {
             let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
             let known = forgotten_after(&seal, steps).map_or(run.steps.len(), |i| i + 1);
             run.steps[..known].iter_mut().for_each(|s| s.weight = 0.0);
@@ -423,7 +443,7 @@ struct Progress {
 fn run(
     part: &Segmented,
     index: usize,
-    range: Range<usize>,
+    Piece { samples: range, begins, lets_go }: Piece,
     limits: Limits,
     scaled: &mut Vec<ScaledStroke>,
 ) -> Run {
@@ -439,6 +459,7 @@ fn run(
         start: at,
         time: recording.time[at],
         direction,
+        begins: begins.is_some(),
     });
     let mut progress = Progress {
         stroke: part.strokes.partition_point(|p| p.end <= at),
@@ -475,7 +496,15 @@ fn run(
         steps.extend(step.divided(if is_one { limits.divided } else { f64::INFINITY }));
         at = next;
     }
-    Run { steps, first_force: recording.force[range.start] }
+    let at_end = lets_go.zip(steps.last()).map(|(force, last)| last.letting_go(force));
+    steps.extend(at_end);
+    let mut effects = steps.first().map_or_else(Default::default, |s: &Step| s.effects);
+    effects[Load::Mass as usize] = 0.0;
+    let at_start = (recording.force[range.start], effects);
+    let after = begins.as_ref().map(|(direction, _)| *direction);
+    let (first_force, first_effects) =
+        begins.map_or(at_start, |(_, samples)| part.mean_over(samples));
+    Run { steps, first_force, first_effects, after }
 }
 
 impl Progress {
@@ -508,7 +537,15 @@ impl Progress {
         }
         (self.path, self.is_first) = (0.0, false);
         let direction = part.strokes.get(self.stroke).map(|p| p.direction);
-        scaled.push(ScaledStroke { cluster, recording: index, start: at, time, direction });
+        let start = at;
+        scaled.push(ScaledStroke {
+            cluster,
+            recording: index,
+            start,
+            time,
+            direction,
+            begins: false,
+        });
     }
 }
 

@@ -38,6 +38,10 @@ pub(crate) fn doubt(
     own: &Validated,
     held_out: Option<&Validated>,
 ) -> Option<Warning> {
+    // No model predicts when each slip begins, so none is better or worse for that.
+    if found.stick_slip.is_some() {
+        return None;
+    }
     let is_alone = held_out.is_none();
     let scored = held_out.unwrap_or(own);
     let data = ClassicalData::new(&own.recordings, found, options);

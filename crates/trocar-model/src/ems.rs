@@ -304,6 +304,34 @@ impl Element {
         self.rest_state(0.5 * (low + high))
     }
 
+    /// State at rest after a slide in `direction` that holds `force`, N: the seal let go at the end of
+    /// the branch and has moved back from there, up to the first deflection with that force, or up to
+    /// the other end. A greater force than that of the end lies on the slope beyond. A force that is not
+    /// finite counts as 0.
+    pub fn rest_after(&self, direction: Direction, force: f64) -> State {
+        const CELLS: i32 = 400;
+        let force = if force.is_finite() { force } else { 0.0 };
+        let (s, deformation) = (direction.sign(), &self.params.deformation);
+        let end = s * deformation.half_width();
+        let at = |k: i32| end * (1.0 - 2.0 * f64::from(k) / f64::from(CELLS));
+        let back = |z: f64| deformation.reach(end, 0.0, z);
+        let excess = |z: f64| s * (back(z).0 - force);
+        let stays = |z: f64| self.state(z, back(z).1);
+        if excess(end) < 0.0 {
+            let (_, slope) = deformation.end(s > 0.0);
+            return stays(if slope > 0.0 { end - excess(end) * s / slope } else { end });
+        }
+        let Some(cell) = (0..CELLS).find(|k| excess(at(*k + 1)) < 0.0) else {
+            return stays(-end);
+        };
+        let (mut outer, mut inner) = (at(cell), at(cell + 1));
+        for _ in 0..40 {
+            let middle = 0.5 * (outer + inner);
+            if excess(middle) >= 0.0 { outer = middle } else { inner = middle }
+        }
+        stays(outer)
+    }
+
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
     /// the force (N) at the end.
     ///
@@ -484,7 +512,13 @@ impl Element {
     }
 }
 
-friction!(Element, State);
+friction!(
+    Element,
+    State,
+    fn rest_after(&self, direction: Direction, force: f64) -> State {
+        Element::rest_after(self, direction, force)
+    }
+);
 
 /// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
 fn check_end_points(params: &ElementParams) -> Result<(), ParamError> {

@@ -1,5 +1,7 @@
 //! What all models have in common: motion in, force out, everything that changes in a small state.
 
+use crate::direction::Direction;
+
 /// A friction model driven by displacement: parameters immutable and checked once, state small and
 /// `Copy`.
 ///
@@ -16,6 +18,12 @@ pub trait Friction {
     /// The history behind that force is unknown: one of the states that give it.
     fn rest_at_force(&self, force: f64) -> Self::State;
 
+    /// State at rest after a slide in `direction` that holds `force`, N; [`Self::rest_at_force`] where
+    /// a model does not tell them apart.
+    fn rest_after(&self, _direction: Direction, force: f64) -> Self::State {
+        self.rest_at_force(force)
+    }
+
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
     /// the force (N) at the end.
     fn step(&self, state: &mut Self::State, displacement: f64, duration: f64) -> f64;
@@ -27,7 +35,7 @@ pub trait Friction {
 /// [`Friction`] by the functions of the same names that the model has itself, so that they need no
 /// trait; and the force of its state.
 macro_rules! friction {
-    ($model:ty, $state:ty) => {
+    ($model:ty, $state:ty $(, $more:item)*) => {
         impl $state {
             /// F, N: force after the last step, that of the instrument on the seal.
             pub fn force(&self) -> f64 {
@@ -49,6 +57,8 @@ macro_rules! friction {
             fn force(state: &$state) -> f64 {
                 state.force
             }
+
+            $($more)*
         }
     };
 }

@@ -1,5 +1,6 @@
 //! Several elements under one motion, as in a trocar with several seals.
 
+use crate::direction::Direction;
 use crate::ems::{Element, State};
 use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
@@ -206,6 +207,11 @@ impl Friction for Stages {
         self.state(rest_states(self.elements(), force))
     }
 
+    /// Each element bears the share of its static forces; [`Element::rest_after`].
+    fn rest_after(&self, direction: Direction, force: f64) -> StagesState {
+        self.state(shared(self.elements(), force).map(|(e, force)| e.rest_after(direction, force)))
+    }
+
     fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
         step_parallel(self.elements(), state.states_mut(), displacement, duration)
     }
@@ -218,8 +224,13 @@ impl Friction for Stages {
 /// States at rest that together give `force`, N, each element bearing the share of its static
 /// forces.
 pub(crate) fn rest_states(elements: &[Element], force: f64) -> impl Iterator<Item = State> + '_ {
+    shared(elements, force).map(|(e, force)| e.rest_at_force(force))
+}
+
+/// The elements, each with the share of `force`, N, that goes with its static forces.
+fn shared(elements: &[Element], force: f64) -> impl Iterator<Item = (&Element, f64)> {
     let limit =
         |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
     let total: f64 = elements.iter().map(limit).sum();
-    elements.iter().map(move |e| e.rest_at_force(force * limit(e) / total))
+    elements.iter().map(move |e| (e, force * limit(e) / total))
 }

@@ -2,6 +2,7 @@
 //! runs a model holds.
 
 use crate::classical::{Classical, ClassicalState};
+use crate::direction::Direction;
 use crate::ems::{Element, Mode, State};
 use crate::error::{ParamError, check_fields};
 use crate::friction::{Friction, velocity};
@@ -152,6 +153,13 @@ impl Friction for Seal {
         }
     }
 
+    fn rest_after(&self, direction: Direction, force: f64) -> SealState {
+        match self {
+            Self::Ems(stages) => SealState::Ems(stages.rest_after(direction, force)),
+            Self::Classical(model) => SealState::Classical(model.rest_after(direction, force)),
+        }
+    }
+
     /// As for each model; the state of another model is left untouched.
     fn step(&self, state: &mut SealState, displacement: f64, duration: f64) -> f64 {
         match (self, state) {
@@ -296,9 +304,18 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// At rest at `position` (m) with `force` (N), clamped to what the model can hold; what is not
     /// finite counts as 0.
     pub fn rest_at_force(&self, position: f64, force: f64) -> TrocarState {
+        self.state(position, self.seal.rest_at_force(self.without_profile_at(position, force)))
+    }
+
+    /// The same after a slide in `direction`, [`Friction::rest_after`].
+    pub fn rest_after(&self, position: f64, direction: Direction, force: f64) -> TrocarState {
+        let own = self.without_profile_at(position, force);
+        self.state(position, self.seal.rest_after(direction, own))
+    }
+
+    fn without_profile_at(&self, position: f64, force: f64) -> f64 {
         let position = if position.is_finite() { position } else { 0.0 };
-        let own = self.profile.as_ref().map_or(force, |profile| profile.without(position, force));
-        self.state(position, self.seal.rest_at_force(own))
+        self.profile.as_ref().map_or(force, |profile| profile.without(position, force))
     }
 
     /// At rest at `position` (m) with every element at `deflection`, m; `None` for a classical

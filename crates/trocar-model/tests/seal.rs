@@ -284,3 +284,35 @@ fn inputs_that_are_no_motion_leave_all_as_it_was() {
         }
     }
 }
+
+/// The seal let go at its static force and moved back to that of sliding, however fast it slid: its
+/// force at rest tells its state, and with that all that follows.
+#[test]
+fn a_seal_that_slid_and_rests_is_known_from_its_force() -> Result<(), ParamError> {
+    let plausible = ElementParams::plausible_10_5_mm()?;
+    let static_force = plausible.insertion.static_force;
+    let sliding = SlidingFriction {
+        static_force,
+        stribeck_velocity: 0.02,
+        ..SlidingFriction::coulomb(0.85 * static_force, 1.0)
+    };
+    let params = ElementParams { insertion: sliding, withdrawal: sliding, ..plausible };
+    let seal = Stages::from(Element::new(params)?);
+    for (direction, velocity) in
+        [(Direction::Insertion, 0.06), (Direction::Insertion, 0.3), (Direction::Withdrawal, -0.1)]
+    {
+        let mut state = seal.rest_at_force(0.0);
+        for _ in 0..4000 {
+            seal.step(&mut state, velocity * 2e-4, 2e-4);
+        }
+        let force = seal.step(&mut state, 0.0, 0.1);
+        let mut known = seal.rest_after(direction, force);
+        assert!((Stages::force(&known) - force).abs() < 1e-6 * static_force);
+        for _ in 0..400 {
+            let after = seal.step(&mut state, -velocity * 5e-4, 1e-3);
+            let from_force = seal.step(&mut known, -velocity * 5e-4, 1e-3);
+            assert!((after - from_force).abs() < 1e-3 * static_force, "{after} {from_force}");
+        }
+    }
+    Ok(())
+}

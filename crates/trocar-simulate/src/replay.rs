@@ -13,6 +13,7 @@ use trocar_model::{
 use crate::cancel;
 use crate::many::along;
 use crate::simulate::turn;
+use crate::stick_slip::{LeftOut, Piece};
 use trocar_recording::Recording;
 
 /// Initial states count as forgotten when their forces agree within this, N.
@@ -67,23 +68,30 @@ pub struct Replay {
 ///
 /// The simulation restarts after gaps and resets.
 pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Replay {
+    replay_rest(trocar, recording, |i| recording.force[i] - offset, LeftOut::NONE)
+}
+
+/// The same where a model can follow only what is left of the recording; `force` is the one of the seal
+/// at a sample, N.
+///
+/// The simulation also restarts with each piece that is left, from the readings at which it begins.
+pub fn replay_rest<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recording: &Recording,
+    force: impl Fn(usize) -> f64,
+    left_out: &LeftOut,
+) -> Replay {
     let mut out = Replay::default();
     for range in recording.unbroken() {
-        cancel::check();
-        let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
-        let increments = x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
-        if let Some(after) = forgotten_after(trocar.seal(), increments) {
-            out.known.push(range.start + after + 1..range.end);
-        }
-        let angle = |k: usize| recording.angle.as_ref().map(|angle| angle[range.start + k]);
-        let mut state = trocar
-            .rest_at_force(x[0], recording.force[range.start] - offset)
-            .with_angle(angle(0).unwrap_or(0.0));
-        let (half_width, mut turns) = (trocar.seal().half_width(), PartialReversals::default());
-        out.push(&state, half_width, &mut turns);
-        for (k, (x, t)) in (1..).zip(x[1..].iter().zip(t.windows(2))) {
-            turn(trocar, &mut state, *x, angle(k), t[1] - t[0]);
-            out.push(&state, half_width, &mut turns);
+        let inside = |piece: &&Piece| range.contains(&piece.samples.start);
+        let pieces: Vec<Piece> = left_out.rest.iter().filter(inside).cloned().collect();
+        let from = pieces.first().map_or(range.end, |piece| piece.samples.start);
+        let before = Piece { samples: range.start..from, begins: None, lets_go: None };
+        let all: Vec<Piece> = std::iter::once(before).chain(pieces).collect();
+        for (k, piece) in all.iter().enumerate().filter(|(_, piece)| !piece.samples.is_empty()) {
+            cancel::check();
+            let to = all.get(k + 1).map_or(range.end, |next| next.samples.start);
+            out.follow(trocar, recording, &force, (piece, to));
         }
     }
     out
@@ -106,6 +114,43 @@ pub fn forces<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
 }
 
 impl Replay {
+    /// Adds the samples from where a piece begins `to` where the next one does.
+    fn follow<K: AsRef<[f64]>>(
+        &mut self,
+        trocar: &Trocar<K>,
+        recording: &Recording,
+        force: impl Fn(usize) -> f64,
+        (Piece { samples, begins, .. }, to): (&Piece, usize),
+    ) {
+        let range = samples.start..to;
+        let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
+        let mut state = match begins {
+            Some((direction, about)) => {
+                let mean = about.clone().map(&force).sum::<f64>() / about.len() as f64;
+                self.known.push(samples.start..samples.end.min(to));
+                trocar.rest_after(x[0], *direction, mean)
+            }
+            None => {
+                let increments = x.windows(2).zip(t.windows(2));
+                let increments = increments.map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
+                if let Some(after) = forgotten_after(trocar.seal(), increments) {
+                    let end = if samples.end == range.start { to } else { samples.end.min(to) };
+                    let start = range.start + after + 1;
+                    self.known.extend((start < end).then_some(start..end));
+                }
+                trocar.rest_at_force(x[0], force(range.start))
+            }
+        };
+        let angle = |k: usize| recording.angle.as_ref().map(|angle| angle[range.start + k]);
+        state = state.with_angle(angle(0).unwrap_or(0.0));
+        let (half_width, mut turns) = (trocar.seal().half_width(), PartialReversals::default());
+        self.push(&state, half_width, &mut turns);
+        for (k, (x, t)) in (1..).zip(x[1..].iter().zip(t.windows(2))) {
+            turn(trocar, &mut state, *x, angle(k), t[1] - t[0]);
+            self.push(&state, half_width, &mut turns);
+        }
+    }
+
     fn push(&mut self, state: &TrocarState, half_width: f64, turns: &mut PartialReversals) {
         self.force.push(state.force());
         self.torque.push(state.torque());

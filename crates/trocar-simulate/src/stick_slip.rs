@@ -11,13 +11,17 @@
 //! the same positions at any speed, interference at the same frequency, a resonance of the rig at
 //! some speeds but not at slower ones. None of them is stick-slip.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 use serde::Serialize;
 use trocar_recording::{Recording, median, range};
 
-use crate::segment::{Direction, Segments, SteadySegment};
+use crate::segment::{Segments, SteadySegment};
+
+mod left_out;
+
+pub use left_out::{LeftOut, Piece};
 
 /// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
 /// one period, also in units of its error of white noise; correlation that is a valley before.
@@ -155,64 +159,6 @@ impl Swings {
     }
 }
 
-/// Fewest strokes that are kept in each direction, each after one that is kept: with one there would be
-/// no scatter.
-const FEWEST_KEPT: usize = 2;
-
-/// Samples of a recording at which no fit can follow the seal, in order.
-#[derive(Debug, Clone, Default)]
-pub struct LeftOut {
-    /// Strokes during which it sticks and slips: the mean of its force over a swing is not its sliding
-    /// force.
-    pub strokes: Vec<Range<usize>>,
-    /// Instants at which it lets go by a jump. When it does, no model tells to a sample, and being a
-    /// sample late costs as much there as all other samples together: a fit would rather have no jump
-    /// at all.
-    pub releases: Vec<Range<usize>>,
-}
-
-impl LeftOut {
-    /// Nothing.
-    pub const NONE: &Self = &Self { strokes: Vec::new(), releases: Vec::new() };
-
-    /// Whether the seal sticks and slips in the stroke with the sample `i`.
-    #[must_use]
-    pub fn swings_at(&self, i: usize) -> bool {
-        self.strokes.iter().any(|stroke| stroke.contains(&i))
-    }
-
-    /// Of each recording, whose readings contain the sensor offset `offset`, N. No stroke where too few
-    /// would be left.
-    #[must_use]
-    pub fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Vec<Self> {
-        let each: Vec<(&Recording, &Segments)> = recordings.iter().zip(segments).collect();
-        let swings = wide_oscillations(recordings, segments, offset, true);
-        let cause = Swings::caused(recordings, segments, &swings);
-        let mut all: Vec<Self> = each
-            .iter()
-            .map(|(r, s)| Self { strokes: Vec::new(), releases: releases(r, s, offset) })
-            .collect();
-        if matches!(cause, Some(Swings::StickSlip(_))) {
-            for ((out, own), segments) in all.iter_mut().zip(&swings).zip(segments) {
-                out.strokes = swinging(own, segments);
-            }
-        }
-        // A stroke shows its deformation only after one that is kept, too.
-        let are_kept = Direction::BOTH.into_iter().all(|direction| {
-            let left = segments.iter().zip(&all).flat_map(|(segments, out)| {
-                segments.strokes.windows(2).filter(move |pair| {
-                    pair[1].direction == direction && !pair.iter().any(|s| out.swings_at(s.start))
-                })
-            });
-            left.count() >= FEWEST_KEPT
-        });
-        if !are_kept {
-            all.iter_mut().for_each(|out| out.strokes.clear());
-        }
-        all
-    }
-}
-
 /// Least width of an oscillation, relative to the one that four fifths of those of its direction do not
 /// exceed: a seal that sticks and slips does so between nearly the same two forces at most speeds, while
 /// a drive vibrates less.
@@ -238,45 +184,6 @@ fn wide_oscillations<'a>(
         }
     }
     each
-}
-
-/// The strokes with one of the oscillations.
-fn swinging(swings: &[Oscillation], segments: &Segments) -> Vec<Range<usize>> {
-    let mut all: Vec<usize> = swings.iter().flat_map(|o| o.strokes.clone()).collect();
-    all.dedup();
-    all.into_iter().map(|k| segments.strokes[k].start..segments.strokes[k].end).collect()
-}
-
-/// Least excess of the force at which the seal lets go over that of the plateau that follows, as a
-/// part of that force and in units of the noise.
-const LEAST_EXCESS: f64 = 0.02;
-/// Part of the excess below which the force has fallen; longest time for that, s, and longest where it
-/// is but a few samples.
-const FALLEN: f64 = 0.2;
-const LONGEST_FALL: f64 = 0.02;
-const LONGEST_FEW: f64 = 0.05;
-const FEW: usize = 4;
-
-fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
-    let (force, time) = (&recording.force, &recording.time);
-    let releases = segments.strokes.iter().filter_map(|stroke| {
-        let s = stroke.direction.sign();
-        let settled = segments
-            .steady_segments
-            .iter()
-            .filter(|part| stroke.start <= part.start && part.end <= stroke.end);
-        let settled = settled.flat_map(|part| part.start..part.end).map(|i| s * force[i]);
-        let level = median(settled.collect())?;
-        let above = |i: usize| s * force[i] - level;
-        let peak = (stroke.start..stroke.end).max_by(|a, b| above(*a).total_cmp(&above(*b)))?;
-        let noise = OVER_NOISE * recording.quality.force_noise;
-        let is_large = above(peak) > LEAST_EXCESS * (level - s * offset).abs() + noise;
-        let fallen = (peak..stroke.end).find(|i| above(*i) < FALLEN * above(peak))?;
-        let longest = if fallen - peak <= FEW { LONGEST_FEW } else { LONGEST_FALL };
-        let is_sudden = time[fallen] - time[peak] <= longest;
-        (is_large && is_sudden).then(|| peak..fallen + 1)
-    });
-    releases.collect()
 }
 
 /// Number of plateaus up to a speed, m/s, that would show an oscillation with a period of `travel`, m.
@@ -426,6 +333,8 @@ fn period_of(force: &[f64]) -> Option<(usize, f64)> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use super::*;
     use crate::segment::{SegmentOptions, segment};
 
@@ -469,13 +378,16 @@ mod tests {
     fn strokes_that_swing_are_left_out_where_enough_others_are_left() {
         let left_out = |recording: Recording| {
             let segments = [segment(&recording, &SegmentOptions::default())];
-            let out = LeftOut::of(&[recording], &segments, 0.0).remove(0);
+            let out = LeftOut::of(&[recording], &segments, 0.0).0.remove(0);
             (out, segments[0].strokes.clone())
         };
         let (out, strokes) = left_out(self::strokes(1.0, |speed| speed < 1.5));
         let slow: Vec<Range<usize>> = strokes[..2].iter().map(|s| s.start..s.end).collect();
         assert_eq!(out.strokes, slow);
         assert!(out.swings_at(slow[0].start) && !out.swings_at(strokes[2].start));
+        // What slides without a swing is left in one piece, up to the last reversal.
+        let last = out.rest.last().map(|piece| piece.samples.clone());
+        assert_eq!(last, Some(strokes[2].start..strokes[11].end + 1));
         assert!(left_out(self::strokes(1.0, |speed| speed < 5.5)).0.strokes.is_empty());
         assert!(left_out(self::strokes(1.0, |_| false)).0.strokes.is_empty());
     }
@@ -494,7 +406,7 @@ mod tests {
         }
         let recording = Recording::from_columns("rises", time, position, force).unwrap();
         let segments = [segment(&recording, &SegmentOptions::default())];
-        let found = LeftOut::of(&[recording], &segments, 0.0).remove(0).releases;
+        let found = LeftOut::of(&[recording], &segments, 0.0).0.remove(0).releases;
         assert_eq!(found, [99..101, 1099..1101, 2099..2101, 3099..3101]);
     }
 

@@ -101,6 +101,20 @@ fn half_widths_of_seals_that_let_go_by_a_jump_are_those_of_the_best_fit() {
     assert!(errors.len() == 3 && errors.iter().sum::<f64>() < 0.04, "{errors:?}");
 }
 
+/// At most speeds these seals stick and slip: the mean of their force is no sliding force, and no model
+/// tells when each slip begins. Each reversal up to the first slip and the faster strokes do not depend
+/// on that.
+#[test]
+fn the_friction_of_seals_that_stick_and_slip_at_most_speeds_is_not_that_of_their_swings() {
+    let outcomes = outcomes_of(&["drawn_strokes"], &[13, 53, 57, 91]);
+    let of_sliding = ["coulomb_force_n", "viscous_damping_n_s_m", "static_force_n"];
+    let all = outcomes.iter().flat_map(|outcome| &outcome.judged);
+    let judged: Vec<_> = all.filter(|j| of_sliding.contains(&j.parameter.as_str())).collect();
+    let is_wrong = |v: Verdict| matches!(v, Verdict::WrongButDoubtful | Verdict::ConfidentlyWrong);
+    let wrong = judged.iter().filter(|j| is_wrong(j.verdict)).count();
+    assert!(judged.len() == 12 && wrong <= 1, "{wrong}: {judged:?}");
+}
+
 /// Encoders of 21 to 46 µm hide how the rig turns: its inertia there looked like a static force.
 #[test]
 fn the_steps_of_an_encoder_do_not_look_like_a_static_force() {
