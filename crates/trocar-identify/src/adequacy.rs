@@ -17,7 +17,7 @@ use super::element::Input;
 use super::estimate::t_p_value;
 use super::findings::Warning;
 use super::scale::FrictionScale;
-use trocar_recording::{Recording, local_velocity};
+use trocar_recording::{Recording, local_velocity, velocity_window};
 use trocar_simulate::replay::replay_rest;
 use trocar_simulate::stick_slip::{StickSlip, Swings};
 
@@ -178,7 +178,7 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let force = recording.force_without(&candidate.loads, candidate.offset);
     let reading = |i: usize| force[i] - candidate.offset;
     let run = replay_rest(&model.trocar, recording, reading, &input.left_out[index]);
-    let velocity = local_velocity(recording, (5.0 * recording.quality.median_interval).max(0.02));
+    let velocity = local_velocity(recording, velocity_window(recording));
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = RecordingSums::default();
@@ -324,7 +324,7 @@ impl Speeds {
 }
 
 fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
-    let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
+    let noise = input.noise();
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let force = (seen.iter().map(|s| s.power).sum::<f64>() / samples.max(1) as f64).sqrt();
     let expected_n = noise.hypot(model.scale.scatter.max(TOLERATED) * force);

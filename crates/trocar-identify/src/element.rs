@@ -72,6 +72,13 @@ pub(super) struct Input<'a> {
     pub(super) options: &'a IdentifyOptions,
 }
 
+impl Input<'_> {
+    /// Noise of the force readings, N: that of the noisiest recording.
+    pub(super) fn noise(&self) -> f64 {
+        self.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max)
+    }
+}
+
 /// The fitted element with its associated results.
 pub(super) struct ElementFit {
     pub(super) training: Training,
@@ -850,7 +857,7 @@ fn seen_to_let_go(
     candidate: Candidate,
     layout: &mut Layout,
 ) -> Candidate {
-    let noise = input.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
+    let noise = input.noise();
     let seen = found.force_n[1] - IN_NOISE * noise;
     let margin = SEEN_TO * seen + noise;
     let candidate = holding_as_seen(candidate, seen, found.speed_m_s[1]);
@@ -880,8 +887,7 @@ fn holding_as_seen(candidate: Candidate, static_force: f64, fastest: f64) -> Can
     };
     let mut held = candidate.holding(excess, FIRST_VELOCITY * fastest).unwrap_or(candidate);
     for sliding in [&mut held.insertion, &mut held.withdrawal] {
-        let least = 0.01 * sliding.coulomb_force / fastest;
-        sliding.viscous_damping = sliding.viscous_damping.max(least);
+        terms::damp(sliding, fastest);
     }
     held
 }

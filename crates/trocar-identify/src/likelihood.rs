@@ -495,14 +495,14 @@ impl<'a> Predictor<'a> {
         block: &[Step],
         i: usize,
         lanes: &DMatrix<f64>,
-        (sources, begun): (&[Source], Option<usize>),
+        Columns { sources, begun }: &Columns,
         before: f64,
         row: &mut [f64],
     ) -> (f64, [f64; 2]) {
         let (step, force) = (&block[i], lanes[(0, i)]);
         let rate = (force - if i > 0 { lanes[(0, i - 1)] } else { before }) / step.duration;
         let (residual, scale, mut z) = self.residual(step, force);
-        if let (Some(lane), true) = (begun, self.training.scale.is_free) {
+        if let (Some(lane), true) = (*begun, self.training.scale.is_free) {
             z[1] += self.of_begin(step, scale, force, lanes[(lane, i)]);
         }
         let basis = &self.training.scale.basis;
@@ -605,9 +605,14 @@ struct Simulations<T: Trial> {
     models: Vec<T::Model>,
     /// Number of leading simulations that differ little.
     close: usize,
-    /// The one among them that begins at another force where that is known from a reading.
-    begun: Option<usize>,
+    columns: Columns,
+}
+
+/// What the rows of the normal equations are made of.
+struct Columns {
     sources: Vec<Source>,
+    /// The simulation that begins at another force where that is known from a reading.
+    begun: Option<usize>,
 }
 
 impl<T: Trial> Simulations<T> {
@@ -655,7 +660,8 @@ impl<T: Trial> Simulations<T> {
             }
         }
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        Some(Self { trials, models, close, begun, sources })
+        let columns = Columns { sources, begun };
+        Some(Self { trials, models, close, columns })
     }
 }
 
@@ -668,7 +674,7 @@ struct Running<'a, T: Trial> {
 
 impl<'a, T: Trial> Running<'a, T> {
     fn new(simulations: &'a Simulations<T>, run: &Run) -> Self {
-        let Simulations { trials, models, sources, begun, .. } = simulations;
+        let Simulations { trials, models, columns: Columns { sources, begun }, .. } = simulations;
         let of = |(k, (m, t)): (usize, (&T::Model, &T))| {
             start(t, m, run, if *begun == Some(k) { BEGIN_STEP * t.leap() } else { 0.0 })
         };
@@ -723,7 +729,7 @@ fn normal_equations<T: Trial>(
     extra: &[Extra<T>],
 ) -> Option<Normal> {
     let simulations = Simulations::new(training, trial, extra)?;
-    let p = simulations.sources.len();
+    let p = simulations.columns.sources.len();
     let predictor = Predictor::new(training, trial);
     let mut clusters: Vec<ClusterSums> =
         training.cluster_strokes().map(|strokes| ClusterSums::new(strokes, p)).collect();
@@ -750,7 +756,7 @@ fn sum_over<T: Trial>(
     run: &Run,
     clusters: &mut [ClusterSums],
 ) {
-    let sources = (&simulations.sources[..], simulations.begun);
+    let columns = &simulations.columns;
     let mut running = Running::new(simulations, run);
     let mut blocks = run.steps.chunks(BLOCK).peekable();
     let mut before = 0.0;
@@ -758,7 +764,7 @@ fn sum_over<T: Trial>(
     // While one block is added, the next is simulated.
     while let (Some(block), Some(forces)) = (blocks.next(), next) {
         let following = blocks.peek();
-        let add = || accumulate(predictor, block, &forces, sources, before, clusters);
+        let add = || accumulate(predictor, block, &forces, columns, before, clusters);
         next = rayon::join(|| following.map(|block| running.over(block)), add).0;
         before = forces[(0, block.len() - 1)];
     }
@@ -796,7 +802,7 @@ impl Row {
 /// model.
 pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
     let simulations = Simulations::new(training, trial, &[])?;
-    let sources = (&simulations.sources[..], simulations.begun);
+    let columns = &simulations.columns;
     let predictor = Predictor::new(training, trial);
     let of_run = |(number, run): (usize, &Run)| {
         let lanes = Running::new(&simulations, run).over(&run.steps);
@@ -807,9 +813,9 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
             *end = time;
         }
         let of_step = |i: usize| {
-            let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.0.len()]);
+            let (step, mut derivatives) = (&run.steps[i], vec![0.0; columns.sources.len()]);
             let (residual, scale) =
-                predictor.row(&run.steps, i, &lanes, sources, lanes[(0, 0)], &mut derivatives);
+                predictor.row(&run.steps, i, &lanes, columns, lanes[(0, 0)], &mut derivatives);
             Row {
                 derivatives,
                 residual,
@@ -834,7 +840,7 @@ fn accumulate(
     predictor: &Predictor,
     block: &[Step],
     lanes: &DMatrix<f64>,
-    sources: (&[Source], Option<usize>),
+    columns: &Columns,
     before: f64,
     clusters: &mut [ClusterSums],
 ) {
@@ -842,7 +848,7 @@ fn accumulate(
     clusters.par_iter_mut().for_each(|cluster| {
         let range = from_stroke(cluster.first)..from_stroke(cluster.first + cluster.strokes.len());
         if !range.is_empty() {
-            accumulate_cluster(predictor, block, range, lanes, sources, before, cluster);
+            accumulate_cluster(predictor, block, range, lanes, columns, before, cluster);
         }
     });
 }
@@ -856,11 +862,11 @@ fn accumulate_cluster(
     block: &[Step],
     range: Range<usize>,
     lanes: &DMatrix<f64>,
-    sources: (&[Source], Option<usize>),
+    columns: &Columns,
     before: f64,
     cluster: &mut ClusterSums,
 ) {
-    let p = sources.0.len();
+    let p = columns.sources.len();
     let mut rows = vec![0.0; AT_ONCE * p];
     let mut weights = [0.0; AT_ONCE];
     let counted: Vec<usize> = range.filter(|i| block[*i].weight > 0.0).collect();
@@ -868,7 +874,7 @@ fn accumulate_cluster(
         weights.fill(0.0);
         for ((i, row), own) in all.iter().zip(rows.chunks_mut(p)).zip(&mut weights) {
             let step = &block[*i];
-            let (residual, z) = predictor.row(block, *i, lanes, sources, before, row);
+            let (residual, z) = predictor.row(block, *i, lanes, columns, before, row);
             let weight = step.weight;
             *own = weight;
             cluster.steps += step.independent;

@@ -23,7 +23,7 @@ use std::str::FromStr;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
+use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm, SlidingFriction};
 
 use super::candidate::{Candidate, EmsTrial, GAUSSIAN, Layout};
 use super::estimate::{f_p_value, t_p_value};
@@ -369,12 +369,17 @@ fn with_stribeck(
             sliding.static_force = 1.05 * sliding.coulomb_force;
             sliding.stribeck_velocity = velocity.clamp(1e-3, 0.5);
             sliding.stribeck_exponent = GAUSSIAN;
-            // A fall that nothing damps ends in no speed: where β is held at zero it begins above.
-            let least = 0.01 * sliding.coulomb_force / fast;
-            sliding.viscous_damping = sliding.viscous_damping.max(least);
+            damp(sliding, fast);
         }
         candidate
     })
+}
+
+/// Friction that falls with speed for a start, up to the speed `fast`, m/s: a fall that nothing damps ends
+/// in no speed, so where β is held at zero it begins above.
+pub(super) fn damp(sliding: &mut SlidingFriction, fast: f64) {
+    let least = 0.01 * sliding.coulomb_force / fast;
+    sliding.viscous_damping = sliding.viscous_damping.max(least);
 }
 
 /// With a soft relaxing arm of three relaxation times.

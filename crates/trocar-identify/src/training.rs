@@ -262,10 +262,7 @@ impl Segmented<'_> {
     /// What is fitted: from each piece to the next the state is unknown.
     fn pieces(&self) -> Vec<Piece> {
         let all = match self.left_out.rest.as_slice() {
-            [] => {
-                let unknown = |samples| Piece { samples, begins: None, lets_go: None };
-                self.recording.unbroken().map(unknown).collect()
-            }
+            [] => self.recording.unbroken().map(Piece::unknown).collect(),
             rest => rest.to_vec(),
         };
         all.into_iter().filter(|piece| piece.samples.len() > 1).collect()

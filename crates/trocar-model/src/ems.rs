@@ -324,12 +324,7 @@ impl Element {
         let Some(cell) = (0..CELLS).find(|k| excess(at(*k + 1)) < 0.0) else {
             return stays(-end);
         };
-        let (mut outer, mut inner) = (at(cell), at(cell + 1));
-        for _ in 0..40 {
-            let middle = 0.5 * (outer + inner);
-            if excess(middle) >= 0.0 { outer = middle } else { inner = middle }
-        }
-        stays(outer)
+        stays(boundary(|z| excess(z) >= 0.0, at(cell), at(cell + 1)))
     }
 
     /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns

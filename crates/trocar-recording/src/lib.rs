@@ -14,7 +14,7 @@ pub use rows::digest_of;
 pub use choice::{Choice, TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use error::{Location, RecordingError};
-pub use motion::{local_acceleration, local_velocity};
+pub use motion::{local_acceleration, local_velocity, velocity_window};
 pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};

@@ -16,6 +16,12 @@ use super::Recording;
 /// Fewest samples in a window: two more than the coefficients.
 const FEWEST: usize = 5;
 
+/// Time, s, over which the speed of a motion is taken that changes within some hundredths of a second.
+#[must_use]
+pub fn velocity_window(recording: &Recording) -> f64 {
+    (FEWEST as f64 * recording.quality.median_interval).max(0.02)
+}
+
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
 pub fn local_velocity(recording: &Recording, window: f64) -> Vec<f64> {

@@ -86,7 +86,7 @@ pub fn replay_rest<K: AsRef<[f64]>>(
         let inside = |piece: &&Piece| range.contains(&piece.samples.start);
         let pieces: Vec<Piece> = left_out.rest.iter().filter(inside).cloned().collect();
         let from = pieces.first().map_or(range.end, |piece| piece.samples.start);
-        let before = Piece { samples: range.start..from, begins: None, lets_go: None };
+        let before = Piece::unknown(range.start..from);
         let all: Vec<Piece> = std::iter::once(before).chain(pieces).collect();
         for (k, piece) in all.iter().enumerate().filter(|(_, piece)| !piece.samples.is_empty()) {
             cancel::check();
@@ -122,21 +122,20 @@ impl Replay {
         force: impl Fn(usize) -> f64,
         (Piece { samples, begins, .. }, to): (&Piece, usize),
     ) {
-        let range = samples.start..to;
+        let (range, end) = (samples.start..to, samples.end.min(to));
         let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
         let mut state = match begins {
             Some((direction, about)) => {
                 let mean = about.clone().map(&force).sum::<f64>() / about.len() as f64;
-                self.known.push(samples.start..samples.end.min(to));
+                self.known.push(samples.start..end);
                 trocar.rest_after(x[0], *direction, mean)
             }
             None => {
                 let increments = x.windows(2).zip(t.windows(2));
                 let increments = increments.map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
                 if let Some(after) = forgotten_after(trocar.seal(), increments) {
-                    let end = if samples.end == range.start { to } else { samples.end.min(to) };
-                    let start = range.start + after + 1;
-                    self.known.extend((start < end).then_some(start..end));
+                    let known = range.start + after + 1..end;
+                    self.known.extend((!known.is_empty()).then_some(known));
                 }
                 trocar.rest_at_force(x[0], force(range.start))
             }

@@ -705,7 +705,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "rotation.rs",
             "slip/turn.rs",
         ],
-        0x9f9c_741a_fa7e_43f6,
+        0x6ec3_f882_7722_fe7,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),

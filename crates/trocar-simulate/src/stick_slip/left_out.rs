@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use trocar_recording::{Recording, local_velocity, median};
+use trocar_recording::{Recording, local_velocity, median, velocity_window};
 
 use super::{OTHER_SPEED, OVER_NOISE, Oscillation, StickSlip, Swings, travel, wide_oscillations};
 use crate::segment::{Direction, Segments, Stroke};
@@ -39,6 +39,14 @@ pub struct Piece {
     pub begins: Option<(Direction, Range<usize>)>,
     /// Reading, N, at which the seal lets go at its end, between two samples.
     pub lets_go: Option<f64>,
+}
+
+impl Piece {
+    /// From an unknown state.
+    #[must_use]
+    pub fn unknown(samples: Range<usize>) -> Self {
+        Self { samples, begins: None, lets_go: None }
+    }
 }
 
 impl LeftOut {
@@ -103,16 +111,12 @@ impl LeftOut {
             for stroke in all.iter().map(|k| &segments.strokes[*k]) {
                 if stroke.start < end && stroke.end > start {
                     // The last sample of a stroke is the first of the next one.
-                    out.rest.push(Piece {
-                        samples: from..stroke.start + 1,
-                        begins: None,
-                        lets_go: None,
-                    });
+                    out.rest.push(Piece::unknown(from..stroke.start + 1));
                     out.strokes.push(stroke.start..stroke.end);
                     from = stroke.end;
                 }
             }
-            out.rest.push(Piece { samples: from..end, begins: None, lets_go: None });
+            out.rest.push(Piece::unknown(from..end));
         }
         out.rest.retain(|piece| piece.samples.len() > 1);
         out
@@ -239,7 +243,7 @@ type Begins = Option<(Direction, Range<usize>)>;
 
 impl<'a> Followed<'a> {
     fn new(both: &'a [Swinging], recording: &'a Recording) -> Self {
-        let window = (5.0 * recording.quality.median_interval).max(0.02);
+        let window = velocity_window(recording);
         Self { both, recording, velocity: local_velocity(recording, window), window }
     }
 
@@ -315,13 +319,11 @@ impl<'a> Followed<'a> {
             };
             let release = self.release(stroke).filter(is_usual);
             let (from, begins) = open.take().unwrap_or_else(|| (stroke.start, self.begins(stroke)));
-            let piece_from = |from: usize, end: usize, begins: Begins, lets_go| Piece {
-                samples: from..end + 1,
-                begins,
-                lets_go,
+            let up_to = |(at, reading): (usize, f64)| Piece {
+                samples: from..at + 1,
+                begins: begins.clone(),
+                lets_go: Some(reading),
             };
-            let piece = |end, begins, lets_go| piece_from(from, end, begins, lets_go);
-            let up_to = |(at, reading): (usize, f64)| piece(at, begins.clone(), Some(reading));
             let Some([first, last]) = self.slides(stroke) else {
                 out.strokes.push(stroke.start..stroke.end);
                 out.rest.extend(release.map(up_to));
@@ -342,7 +344,7 @@ impl<'a> Followed<'a> {
                 continue;
             }
             let end = if keeps { stroke.end } else { last };
-            out.rest.push(piece_from(from, end, begins, None));
+            out.rest.push(Piece { samples: from..end + 1, begins, lets_go: None });
         }
         out.rest.retain(|piece| piece.samples.len() > 1);
         out
