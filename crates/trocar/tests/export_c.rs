@@ -705,7 +705,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "rotation.rs",
             "slip/turn.rs",
         ],
-        0x6ec3_f882_7722_fe7,
+        0x06ec_3f88_2772_2fe7,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),
@@ -715,8 +715,8 @@ const PORTS: [(&str, &[&str], u64); 12] = [
     ("leuven.c", &["classical/leuven.rs", "classical/chord.rs"], 0xd658_005b_8b34_5e81),
     ("maxwell_slip.c", &["classical/maxwell_slip.rs"], 0xa3a6_bfdf_bd75_cc1e),
     ("gms.c", &["classical/gms.rs"], 0xd306_cdeb_b106_11f5),
-    ("public.c", &["seal.rs", "profile.rs"], 0x6f7b_3947_f988_c638),
-    ("arithmetic.c", &["friction.rs"], 0xa692_e401_398f_6008),
+    ("public.c", &["seal.rs", "profile.rs"], 0x12ca_5afb_a012_f433),
+    ("arithmetic.c", &["friction.rs"], 0xdb70_bcb8_6e32_b9a8),
     (
         "compensator.c",
         &[
