@@ -279,6 +279,9 @@ fn coefficient_of(branch: &Branch, piece: u8, power: u8) -> Option<f64> {
 /// Expected bound on the curvature term of a branch, in units of the sliding force, for a finely
 /// sampled deformation.
 const WILDEST_BEND: f64 = 6.0;
+/// Ranges without bounds.
+const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+const POSITIVE: [f64; 2] = [0.0, f64::INFINITY];
 /// Range of v_c, m/s. Below it, the seal creeps by less than the encoder resolution in a second;
 /// above it, sliding itself is creep.
 const CREEP_RANGE: [f64; 2] = [1e-6, 2e-2];
@@ -410,7 +413,7 @@ impl Layout {
 /// Visits the logarithm of a positive parameter.
 fn on_log(kind: Kind, value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, Span)) {
     let mut log = value.max(low).min(high).ln();
-    on(&mut log, Span::new(kind, 1e-3, low.ln(), high.ln()));
+    on(&mut log, Span::new(kind, 1e-3, [low.ln(), high.ln()]));
     *value = log.exp();
 }
 
@@ -420,17 +423,21 @@ impl Layout {
         self.kept.range(quantity).unwrap_or(of_fit)
     }
 
+    /// How a fit visits a number of this kind, whose range is kept or that of the fit.
+    fn span(self, quantity: Quantity, kind: Kind, step: f64, of_fit: [f64; 2]) -> Span {
+        Span::new(kind, step, self.range(quantity, of_fit))
+    }
+
     /// Visits every free parameter of the candidate, in a fixed order.
     fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, Span)) {
-        let free = f64::INFINITY;
         let force = 1e-4 * candidate.insertion.coulomb_force;
         if self.offset {
-            on(&mut candidate.offset, Span::new(Kind::Offset, force, -free, free));
+            on(&mut candidate.offset, Span::new(Kind::Offset, force, ANY));
         }
         for load in self.free_loads() {
-            let OfLoad { kind, step, least, .. } = *of_load(load);
-            let [low, high] = self.range(of_load(load).id[0].quantity, [least, free]);
-            on(&mut candidate.loads[load], Span::new(kind, step, low, high));
+            let OfLoad { id: [id], kind, step, least, .. } = *of_load(load);
+            let of_fit = [least, f64::INFINITY];
+            on(&mut candidate.loads[load], self.span(id.quantity, kind, step, of_fit));
         }
         self.visit_sliding(candidate, force, &mut on);
         let width = candidate.half_width;
@@ -440,17 +447,17 @@ impl Layout {
         if self.shape {
             let near = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
             let of_fit = self.lets_go.map_or(near, |[_, of_width]| of_width);
-            let [low, high] = self.range(Quantity::HalfWidth, of_fit);
-            on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
+            let span = self.span(Quantity::HalfWidth, Kind::HalfWidth, 1e-4 * width, of_fit);
+            on(&mut candidate.half_width, span);
             for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
         }
         if self.damping {
-            let [low, high] = self.range(Quantity::SealDamping, [0.0, free]);
-            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, low, high));
+            let span = self.span(Quantity::SealDamping, Kind::Damping, 10.0 * force, POSITIVE);
+            on(&mut candidate.seal_damping, span);
         }
-        self.visit_time(candidate, &mut on);
+        self.visit_time(candidate, force, &mut on);
         if let (true, Some(second)) = (self.second, &mut candidate.second) {
             on_log(Kind::LogShare, &mut second.share, SHARE_RANGE, &mut on);
             let widths = [0.02 * width, 5.0 * width];
@@ -468,100 +475,86 @@ impl Layout {
         force: f64,
         on: &mut impl FnMut(&mut f64, Span),
     ) {
-        let largest = self.largest.max(10.0 * force);
-        let [low, high] = self.range(Quantity::CoulombForce, [10.0 * force, largest]);
-        on(&mut candidate.insertion.coulomb_force, Span::new(Kind::SlidingForce, force, low, high));
+        use Quantity as Q;
+        let Candidate { insertion, withdrawal, .. } = candidate;
+        let forces = [10.0 * force, self.largest.max(10.0 * force)];
+        let other = *withdrawal;
+        on(
+            &mut insertion.coulomb_force,
+            self.span(Q::CoulombForce, Kind::SlidingForce, force, forces),
+        );
         if self.viscous {
-            let [low, high] = self.range(Quantity::ViscousDamping, [0.0, f64::INFINITY]);
-            on(
-                &mut candidate.insertion.viscous_damping,
-                Span::new(Kind::Damping, 10.0 * force, low, high),
-            );
+            let span = self.span(Q::ViscousDamping, Kind::Damping, 10.0 * force, POSITIVE);
+            on(&mut insertion.viscous_damping, span);
         }
         if self.stribeck {
-            let most = largest.min(10.0 * candidate.insertion.coulomb_force);
-            let of_fit = self.lets_go.map_or([10.0 * force, most], |[of_force, _]| of_force);
-            let [low, high] = self.range(Quantity::StaticForce, of_fit);
-            on(
-                &mut candidate.insertion.static_force,
-                Span::new(Kind::SlidingForce, force, low, high),
-            );
-            let [low, high] = self.range(Quantity::StribeckVelocity, STRIBECK_RANGE);
-            on(
-                &mut candidate.insertion.stribeck_velocity,
-                Span::new(Kind::StribeckVelocity, 1e-5, low, high),
-            );
+            let [low, high] = forces;
+            let of_fit = [low, high.min(10.0 * insertion.coulomb_force)];
+            let of_fit = self.lets_go.map_or(of_fit, |[of_force, _]| of_force);
+            let span = self.span(Q::StaticForce, Kind::SlidingForce, force, of_fit);
+            on(&mut insertion.static_force, span);
+            let span = self.span(Q::StribeckVelocity, Kind::StribeckVelocity, 1e-5, STRIBECK_RANGE);
+            on(&mut insertion.stribeck_velocity, span);
             if self.exponent {
-                on(
-                    &mut candidate.insertion.stribeck_exponent,
-                    Span::new(Kind::StribeckExponent, 1e-2, 0.5, 3.0),
-                );
+                let span = Span::new(Kind::StribeckExponent, 1e-2, [0.5, 3.0]);
+                on(&mut insertion.stribeck_exponent, span);
             }
         } else {
-            candidate.insertion.static_force = candidate.insertion.coulomb_force;
+            insertion.static_force = insertion.coulomb_force;
         }
-        let other = candidate.withdrawal;
-        candidate.withdrawal = candidate.insertion;
+        *withdrawal = *insertion;
+        let of_force = Span::new(Kind::SlidingForce, force, forces);
         if self.own_levels {
-            candidate.withdrawal.coulomb_force = other.coulomb_force;
-            on(
-                &mut candidate.withdrawal.coulomb_force,
-                Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
-            );
-            candidate.withdrawal.static_force = candidate.withdrawal.coulomb_force;
+            withdrawal.coulomb_force = other.coulomb_force;
+            on(&mut withdrawal.coulomb_force, of_force);
+            withdrawal.static_force = withdrawal.coulomb_force;
             if self.stribeck {
-                candidate.withdrawal.static_force = other.static_force;
-                on(
-                    &mut candidate.withdrawal.static_force,
-                    Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
-                );
+                withdrawal.static_force = other.static_force;
+                on(&mut withdrawal.static_force, of_force);
             }
         }
         if self.own_slopes && self.viscous {
-            candidate.withdrawal.viscous_damping = other.viscous_damping;
-            on(
-                &mut candidate.withdrawal.viscous_damping,
-                Span::new(Kind::Damping, 10.0 * force, 0.0, f64::INFINITY),
-            );
+            withdrawal.viscous_damping = other.viscous_damping;
+            let span = Span::new(Kind::Damping, 10.0 * force, POSITIVE);
+            on(&mut withdrawal.viscous_damping, span);
         }
-        for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
+        for sliding in [insertion, withdrawal] {
             sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
         }
     }
 
     /// Those by which the seal changes in time.
-    fn visit_time(self, candidate: &mut Candidate, mut on: &mut impl FnMut(&mut f64, Span)) {
+    fn visit_time(
+        self,
+        candidate: &mut Candidate,
+        force: f64,
+        mut on: &mut impl FnMut(&mut f64, Span),
+    ) {
+        use Quantity as Q;
         if self.yielding {
-            on(
-                &mut candidate.yield_ratio,
-                Span::new(Kind::YieldRatio, 1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0),
-            );
+            let span = Span::new(Kind::YieldRatio, 1e-3, [Candidate::DEFAULT_YIELD_RATIO, 20.0]);
+            on(&mut candidate.yield_ratio, span);
         }
         if self.creep {
             let [low, high] = CREEP_RANGE;
-            on_log(
-                Kind::LogCreepVelocity,
-                &mut candidate.creep_velocity,
-                self.range(Quantity::CreepVelocity, [low.max(self.slowest_creep), high]),
-                &mut on,
-            );
+            let range = self.range(Q::CreepVelocity, [low.max(self.slowest_creep), high]);
+            on_log(Kind::LogCreepVelocity, &mut candidate.creep_velocity, range, &mut on);
         }
         if self.lag {
             on_log(Kind::LogFrictionLag, &mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
         if self.dwell {
-            let force = 1e-4 * candidate.insertion.coulomb_force;
-            let [low, high] = self.range(Quantity::DwellForce, [0.0, f64::INFINITY]);
-            on(&mut candidate.dwell_force, Span::new(Kind::DwellForce, force, low, high));
+            let span = self.span(Q::DwellForce, Kind::DwellForce, force, POSITIVE);
+            on(&mut candidate.dwell_force, span);
         }
         // A trial may hold impossible values: the range must remain valid.
         let stiffest =
             (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
         for (k, arm) in candidate.relaxation.arms.iter_mut().take(self.arms).enumerate() {
             let range = |of: Quantity, own| if k == 0 { self.range(of, own) } else { own };
-            let stiffness = range(Quantity::RelaxationStiffness, [1e-3 * stiffest, stiffest]);
+            let stiffness = range(Q::RelaxationStiffness, [1e-3 * stiffest, stiffest]);
             on_log(Kind::LogStiffness, &mut arm.stiffness, stiffness, &mut on);
-            let time = range(Quantity::RelaxationTime, TIME_RANGE);
+            let time = range(Q::RelaxationTime, TIME_RANGE);
             on_log(Kind::LogRelaxationTime, &mut arm.time, time, &mut on);
         }
     }
@@ -760,10 +753,10 @@ impl Trial for EmsTrial {
     ) -> DMatrix<f64> {
         let (near, alone) = models.split_at(close);
         let (of_near, of_alone) = states.split_at_mut(close);
-        let forces = led(near, of_near, steps);
-        match alone {
-            [] => forces,
-            _ => with_rows(forces, &each_alone(alone, of_alone, steps)),
+        match (near, alone) {
+            ([], _) => each_alone(alone, of_alone, steps),
+            (_, []) => led(near, of_near, steps),
+            _ => with_rows(led(near, of_near, steps), &each_alone(alone, of_alone, steps)),
         }
     }
 }

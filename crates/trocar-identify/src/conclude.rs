@@ -20,10 +20,9 @@ use super::rotation;
 use super::scale::{FrictionScale, TOO_FAR};
 use super::seal_prior::PriorUse;
 use super::terms::Term;
-use super::training::acceleration_is_resolved;
 use super::two_steps;
-use trocar_recording::HEAVIEST_UNMODELLED_MASS;
 use trocar_recording::loads::Load;
+use trocar_recording::{HEAVIEST_UNMODELLED_MASS, Recording};
 use trocar_simulate::motion_found::FreeMotion;
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
@@ -368,7 +367,7 @@ fn not_tried(input: &Input, model: &Candidate) -> Vec<Warning> {
             "not tried (fewer than 4 partial reversals): minor-loop stiffness, second relaxation time, second stage",
         );
     }
-    if !acceleration_is_resolved(input.recordings) {
+    if !input.recordings.iter().all(Recording::resolves_reversals) {
         all.push(
             "not tried (the sampling is too coarse to resolve the acceleration at a reversal): unmodelled mass, delay \
              of the positions",
@@ -417,7 +416,8 @@ fn left_unexplained(input: &Input, fit: &ElementFit) -> Vec<Warning> {
         );
         all.push(Warning::doubt("delay", message));
     }
-    let is_coarse = !acceleration_is_resolved(recordings) && !options.inertia_removed;
+    let is_coarse =
+        !options.inertia_removed && !recordings.iter().all(Recording::resolves_reversals);
     if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to subtract \

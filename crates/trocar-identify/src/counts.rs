@@ -9,7 +9,7 @@ use trocar_recording::{COARSE, Recording};
 const TURNING: f64 = 0.4;
 
 /// Step of the coarsest encoder, m; 0 where none matters.
-pub(super) fn coarsest(recordings: &[Recording]) -> f64 {
+fn coarsest(recordings: &[Recording]) -> f64 {
     recordings.iter().map(Recording::coarse_step).fold(0.0, f64::max)
 }
 

@@ -13,7 +13,6 @@ use rayon::prelude::*;
 use trocar_model::{Branch, ElementParams, Quantity, SlidingFriction, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout, STRIBECK_RANGE};
-use super::counts;
 use super::findings::Progress;
 use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop, Trial};
@@ -23,17 +22,16 @@ use super::seal_prior::SealPrior;
 use super::shape::BranchShape;
 use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial, improvement_p_value};
-use super::training::acceleration_is_resolved;
 use super::training::{ASSUMED_WIDTH, Coarseness, INDEPENDENT, Ripple, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Unexplained, UnexplainedEffects};
 use trocar_recording::loads::{Load, Recorded};
-use trocar_recording::{Recording, median, range};
-use trocar_simulate::motion_found::FreeMotion;
+use trocar_recording::{Recording, force_range, median};
+use trocar_simulate::motion_found::{FreeMotion, longest_rest, slow_speed};
 use trocar_simulate::replay::replay_rest;
 use trocar_simulate::segment::{Direction, Segments, SteadySegment};
-use trocar_simulate::stick_slip::{LeftOut, Piece, StickSlip};
+use trocar_simulate::stick_slip::{LeftOut, StickSlip};
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
@@ -165,9 +163,9 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let from_readings = Layout {
         offset: input.options.offset.is_none(),
         loads: Load::ALL.map(|load| shows(input, load)),
-        largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
+        largest: largest(input),
         narrowest: 0.0,
-        slowest_creep: slowest_creep(input.recordings),
+        slowest_creep: SLOWEST_CREEP * slow_speed(input.recordings),
         ..Layout::PAPER
     };
     let mut start = prior.trial(from_readings).ok()?;
@@ -658,7 +656,8 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     if !options.free_motion {
         excluded.extend([Term::Creep, Term::Relaxation]);
     }
-    if !options.free_motion || !has_long_rests(input.recordings, half_width) {
+    let rests = input.recordings.iter().map(|r| longest_rest(r, AT_REST * half_width));
+    if !options.free_motion || rests.fold(0.0, f64::max) < LONG_REST {
         excluded.push(Term::Dwell);
     }
     if !options.free_motion || !has_partial_reversals(input, half_width) {
@@ -667,27 +666,10 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     excluded
 }
 
-/// Whether the instrument rests, between two motions, long enough to tell friction after rest from the
-/// static force, which every reversal shows.
-fn has_long_rests(recordings: &[Recording], half_width: f64) -> bool {
-    /// Of a rest, s: three times the time after which friction rises, [`trocar_model::dwell`].
-    const LONG: f64 = 3.0;
-    /// Of the half width: what the contact forgets.
-    const REACH: f64 = 0.125;
-    recordings.iter().any(|recording| {
-        let (t, x) = (&recording.time, &recording.position);
-        let mut from = 0;
-        (0..t.len()).any(|i| {
-            if (x[i] - x[from]).abs() < REACH * half_width {
-                return false;
-            }
-            // How long the seal rested before the recording is unknown.
-            let is_long = from > 0 && t[i] - t[from] >= LONG;
-            from = i;
-            is_long
-        })
-    })
-}
+/// Rest, s, that tells friction after rest from the static force, which every reversal shows: three times
+/// the time after which it rises, [`trocar_model::dwell`]; and what the contact forgets, of the half width.
+const LONG_REST: f64 = 3.0;
+const AT_REST: f64 = 0.125;
 
 /// Whether the readings can show a load: one that was recorded, or an unmodelled mass. With a declared
 /// mass, a small remainder is its error.
@@ -699,7 +681,7 @@ fn shows(input: &Input, load: Load) -> bool {
         None => {
             options.estimate_unmodelled_mass
                 && !options.inertia_removed
-                && acceleration_is_resolved(recordings)
+                && recordings.iter().all(Recording::resolves_reversals)
         }
     }
 }
@@ -716,24 +698,9 @@ pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
 /// Initial value of σ relative to the sliding force.
 const INITIAL_ERROR: f64 = 0.03;
 
-/// Least v_c, m/s, that the motion can reveal: a hundredth of the speed below which the motion
-/// spends a twentieth of its time. Slower creep at most rounds the instant of a reversal.
-fn slowest_creep(recordings: &[Recording]) -> f64 {
-    const BLOCK: f64 = 0.05;
-    let mut speeds = Vec::new();
-    for recording in recordings {
-        let (t, x) = (&recording.time, &recording.position);
-        let mut from = 0;
-        for i in 0..t.len() {
-            if t[i] - t[from] >= BLOCK {
-                speeds.push((x[i] - x[from]).abs() / (t[i] - t[from]));
-                from = i;
-            }
-        }
-    }
-    speeds.sort_by(f64::total_cmp);
-    0.01 * speeds.get(speeds.len() / 20).copied().unwrap_or(0.0)
-}
+/// Least v_c that the motion can reveal, as a part of its slow speed: slower creep at most rounds the
+/// instant of a reversal.
+const SLOWEST_CREEP: f64 = 0.01;
 
 /// All samples; those of settled sliding are averaged into longer steps.
 fn training<'a>(input: &Input<'a>, of: &Candidate, coarseness: Coarseness) -> Option<Training> {
@@ -762,15 +729,11 @@ const NEGLIGIBLE: f64 = 0.01;
 /// p value of the two steps' symmetry test below which each direction starts with its own slope.
 const SURE: f64 = 1e-3;
 
-/// Range of the readings, N; infinite where the sensor saturated.
-fn swing(recordings: &[Recording]) -> f64 {
-    if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
-        return f64::INFINITY;
-    }
-    let ends: Vec<f64> =
-        recordings.iter().map(|r| range(&r.force)).flat_map(|(low, high)| [low, high]).collect();
-    let (low, high) = range(&ends);
-    high - low
+/// Greatest force of the seal, N, that the readings allow: where the offset is unknown, sliding in both
+/// directions spans twice that.
+fn largest(input: &Input) -> f64 {
+    let [low, high] = force_range(input.recordings);
+    if input.options.offset.is_some() { high - low } else { 0.5 * (high - low) }
 }
 
 /// None for an axis without a seal; otherwise the element of the two steps, or straight elements of
@@ -789,13 +752,12 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         own_slopes,
         own_levels: own_slopes && options.offset.is_some(),
         stribeck: is_wanted(Term::Stribeck) && steady.stribeck.is_some(),
-        // Sliding in both directions spans twice the force.
-        largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
+        largest: largest(input),
         narrowest: narrowest(input),
-        slowest_creep: slowest_creep(recordings),
+        slowest_creep: SLOWEST_CREEP * slow_speed(recordings),
         shows_lag: has_partial_reversals(input, candidate.half_width),
         is_coarse: is_coarse(input, candidate.half_width),
-        has_coarse_steps: counts::coarsest(recordings) > 0.0,
+        has_coarse_steps: recordings.iter().any(|r| r.coarse_step() > 0.0),
         kept,
         ..Layout::PAPER
     };
@@ -861,22 +823,12 @@ fn seen_to_let_go(
     let seen = found.force_n[1] - IN_NOISE * noise;
     let margin = SEEN_TO * seen + noise;
     let candidate = holding_as_seen(candidate, seen, found.speed_m_s[1]);
-    let width = width_seen(input).unwrap_or(candidate.half_width);
+    let travels = input.left_out.iter().zip(input.recordings);
+    let travels = travels.flat_map(|(out, recording)| out.travels_to_release(recording));
+    let width = median(travels.collect()).map_or(candidate.half_width, |travel| 0.5 * travel);
     let of_width = SEEN_WIDTH.map(|part| part * width);
     (layout.stribeck, layout.lets_go) = (true, Some([[seen - margin, seen + margin], of_width]));
     candidate.with_half_width(width).unwrap_or(candidate)
-}
-
-/// Half of the travel, m, from where a seal turns to where it lets go.
-fn width_seen(input: &Input) -> Option<f64> {
-    let recordings = input.recordings.iter().zip(input.left_out);
-    let all = recordings.flat_map(|(recording, out)| {
-        let known = out.rest.iter().filter(|piece| piece.lets_go.is_some());
-        known.map(|Piece { samples, .. }| {
-            0.5 * (recording.position[samples.end - 1] - recording.position[samples.start]).abs()
-        })
-    });
-    median(all.collect())
 }
 
 /// The candidate with the `static_force`, N, at which the seal is seen to let go, and a friction that

@@ -329,14 +329,6 @@ fn with_stroke_before(sums: impl Iterator<Item = ScaleSums>) -> Vec<ScaleSums> {
     std::iter::once(ScaleSums::default()).chain(sums).collect()
 }
 
-/// The decrease of C due to the scatter of the strokes.
-fn taken_away(sums: &[ScaleSums], first: usize, training: &Training) -> f64 {
-    let moments = gathered(sums.len(), |k| sums[k].moment, |k| sums[k].moment_before);
-    let all = with_stroke_before(sums.iter().copied());
-    let scatter = Scatter::new(&all, first, training, training.scale.lambda).solve(moments.clone());
-    moments.iter().zip(&scatter).map(|(m, e)| m * e).sum()
-}
-
 /// Regularisation of the scale of a stroke whose size is no datum, as a fraction of its own
 /// information.
 const UNCONSTRAINED: f64 = 1e-6;
@@ -527,45 +519,10 @@ impl<'a> Predictor<'a> {
     }
 }
 
-/// C of a trial, without the prior term; `None` where it is not a valid model.
-fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
-    let model = trial.model()?;
-    let predictor = Predictor::new(training, trial);
-    let of_run = |run: &Run| {
-        cancel::check();
-        let mut state = start(trial, &model, run, 0.0);
-        let is_begun = run.after.is_some() && training.scale.is_free;
-        let mut begun = is_begun.then(|| start(trial, &model, run, BEGIN_STEP * trial.leap()));
-        let Range { start: first, end } = run.strokes();
-        let mut sums = vec![ScaleSums::default(); end - first];
-        let mut squares = 0.0;
-        for step in &run.steps {
-            let own = seal_force(&model, &mut state, step);
-            let force = step.limit.map_or(own, |direction| T::limit(&model, direction));
-            let other = begun.as_mut().map(|state| seal_force(&model, state, step));
-            let other = other.filter(|_| step.limit.is_none());
-            if step.weight > 0.0 {
-                let (r, scale, mut z) = predictor.residual(step, force);
-                z[1] += other.map_or(0.0, |other| predictor.of_begin(step, scale, force, other));
-                squares += step.weight * r * r;
-                sums[step.stroke - first].add(step.weight, r, z);
-            }
-        }
-        (squares, sums)
-    };
-    let by_run: Vec<(f64, Vec<ScaleSums>)> = training.runs.par_iter().map(of_run).collect();
-    let squares: f64 = by_run.iter().map(|run| run.0).sum();
-    if !training.scale.is_free {
-        return Some(squares);
-    }
-    let strokes: Vec<ScaleSums> = by_run.into_iter().flat_map(|run| run.1).collect();
-    let of = |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, training);
-    Some(squares - training.cluster_strokes().map(of).sum::<f64>())
-}
-
-/// C of a trial, with the prior term; infinite where it is not a valid model.
+/// C of a trial; infinite where it is not a valid model.
 pub(crate) fn cost<T: Trial>(training: &Training, trial: &T) -> f64 {
-    data_cost(training, trial).map_or(f64::INFINITY, |c| c + prior_cost(training, trial))
+    let alone = Simulations::alone(training, trial);
+    alone.map_or(f64::INFINITY, |alone| alone.normal_equations(training, trial).cost())
 }
 
 /// A column that is no free parameter of the trial: the secant to another trial, or the rate of the
@@ -638,10 +595,7 @@ impl<T: Trial> Simulations<T> {
                 }
             });
         }
-        let begun = training.runs.iter().any(|run| run.after.is_some()).then(|| {
-            trials.push(trial.clone());
-            trials.len() - 1
-        });
+        let begun = Self::begun(training, &mut trials);
         let close = trials.len();
         for column in extra {
             sources.push(match column {
@@ -659,9 +613,44 @@ impl<T: Trial> Simulations<T> {
                 *lane += trials.len();
             }
         }
+        Self::of(trials, close, Columns { sources, begun })
+    }
+
+    /// Without columns.
+    fn alone(training: &Training, trial: &T) -> Option<Self> {
+        let mut trials = vec![trial.clone()];
+        let begun = Self::begun(training, &mut trials);
+        Self::of(trials, 0, Columns { sources: Vec::new(), begun })
+    }
+
+    /// The place of one more simulation, where a run begins at a force that is known from a reading.
+    fn begun(training: &Training, trials: &mut Vec<T>) -> Option<usize> {
+        let is_known = training.runs.iter().any(|run| run.after.is_some());
+        trials.extend(is_known.then(|| trials[0].clone()));
+        is_known.then(|| trials.len() - 1)
+    }
+
+    fn of(trials: Vec<T>, close: usize, columns: Columns) -> Option<Self> {
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        let columns = Columns { sources, begun };
         Some(Self { trials, models, close, columns })
+    }
+
+    /// The normal equations at a trial in these columns, of which those of its free parameters come first.
+    fn normal_equations(&self, training: &Training, trial: &T) -> Normal {
+        let p = self.columns.sources.len();
+        let predictor = Predictor::new(training, trial);
+        let mut clusters: Vec<ClusterSums> =
+            training.cluster_strokes().map(|strokes| ClusterSums::new(strokes, p)).collect();
+        let mut rest = clusters.as_mut_slice();
+        let mut runs: Vec<(&Run, &mut [ClusterSums])> = Vec::with_capacity(training.runs.len());
+        for run in &training.runs {
+            let count = rest.iter().filter(|c| c.first < run.strokes().end).count();
+            let (own, others) = rest.split_at_mut(count);
+            runs.push((run, own));
+            rest = others;
+        }
+        runs.into_par_iter().for_each(|(run, clusters)| sum_over(&predictor, self, run, clusters));
+        training.eliminated(clusters, &predictor.drift, prior(training, trial))
     }
 }
 
@@ -704,10 +693,6 @@ impl<'a, T: Trial> Running<'a, T> {
     }
 }
 
-fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
-    prior(training, trial).iter().map(|(value, precision)| precision * value * value).sum()
-}
-
 /// Each free parameter less its prior mean, and p_j: the precision of its prior.
 fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
     let of = |(j, free): (usize, &Free)| {
@@ -728,25 +713,7 @@ fn normal_equations<T: Trial>(
     trial: &T,
     extra: &[Extra<T>],
 ) -> Option<Normal> {
-    let simulations = Simulations::new(training, trial, extra)?;
-    let p = simulations.columns.sources.len();
-    let predictor = Predictor::new(training, trial);
-    let mut clusters: Vec<ClusterSums> =
-        training.cluster_strokes().map(|strokes| ClusterSums::new(strokes, p)).collect();
-    let mut rest = clusters.as_mut_slice();
-    let mut runs: Vec<(&Run, &mut [ClusterSums])> = Vec::with_capacity(training.runs.len());
-    for run in &training.runs {
-        let count = rest.iter().filter(|c| c.first < run.strokes().end).count();
-        let (own, others) = rest.split_at_mut(count);
-        runs.push((run, own));
-        rest = others;
-    }
-    runs.into_par_iter().for_each(|(run, clusters)| {
-        sum_over(&predictor, &simulations, run, clusters);
-    });
-    let mut prior = prior(training, trial);
-    prior.resize(p, (0.0, 0.0));
-    Some(training.eliminated(clusters, &predictor.drift, prior))
+    Some(Simulations::new(training, trial, extra)?.normal_equations(training, trial))
 }
 
 /// Adds the steps of a run to the sums of its clusters.
@@ -872,11 +839,11 @@ fn accumulate_cluster(
     let counted: Vec<usize> = range.filter(|i| block[*i].weight > 0.0).collect();
     for all in counted.chunks(AT_ONCE) {
         weights.fill(0.0);
-        for ((i, row), own) in all.iter().zip(rows.chunks_mut(p)).zip(&mut weights) {
-            let step = &block[*i];
+        for (k, i) in all.iter().enumerate() {
+            let (step, row) = (&block[*i], &mut rows[k * p..(k + 1) * p]);
             let (residual, z) = predictor.row(block, *i, lanes, columns, before, row);
             let weight = step.weight;
-            *own = weight;
+            weights[k] = weight;
             cluster.steps += step.independent;
             cluster.cost += weight * residual * residual;
             let stroke = &mut cluster.strokes[step.stroke - cluster.first];
@@ -1334,6 +1301,21 @@ impl<T: Trial> Fitted<T> {
     }
 }
 
+/// Variance of a number by its `values` with one cluster left out each.
+pub(super) fn jackknifed(values: &[f64]) -> f64 {
+    let g = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / g.max(1.0);
+    (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
+}
+
+/// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters with these shares
+/// of the information, less one. A parameter informed by few strokes, such as F_s by the slow ones, has few.
+pub(super) fn degrees(shares: &[f64]) -> f64 {
+    let (sum, squares) =
+        shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
+    sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
+}
+
 /// Degrees of freedom of the model's variance when combined with the jackknife's.
 pub(super) const MODEL_DEGREES: f64 = 8.0;
 
@@ -1390,16 +1372,12 @@ impl Normal {
                 damped_step(&(hessian - h), &(score - s), 1e-9, &fixed).map(|d| d[column])
             })
             .collect();
-        let g = all.len() as f64;
-        let mean = all.iter().sum::<f64>() / g.max(1.0);
-        let variance = (g - 1.0) / g * all.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+        let variance = jackknifed(&all);
         let unit = DVector::from_fn(score.len(), |i, _| f64::from(i == column));
         let direction = damped_step(hessian, &unit, 1e-9, &fixed)?;
         let shares: Vec<f64> =
             self.hessians.iter().map(|h| direction.dot(&(h * &direction)).max(0.0)).collect();
-        let squares: f64 = shares.iter().map(|s| s * s).sum();
-        let degrees =
-            (shares.iter().sum::<f64>().powi(2) / squares.max(f64::MIN_POSITIVE) - 1.0).max(0.0);
+        let degrees = degrees(&shares).max(0.0);
         let by_model = sigma2 * direction[column];
         let moderated = (degrees * variance + MODEL_DEGREES * by_model) / (degrees + MODEL_DEGREES);
         Some(OneStep {

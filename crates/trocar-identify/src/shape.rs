@@ -23,7 +23,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    pub(super) fn new(kind: Kind, step: f64, low: f64, high: f64) -> Self {
+    pub(super) fn new(kind: Kind, step: f64, [low, high]: [f64; 2]) -> Self {
         Self { kind, step, low, high, expected: f64::INFINITY }
     }
 }
@@ -110,8 +110,8 @@ impl BranchShape {
         [sliding, bend]: [f64; 2],
         on: &mut impl FnMut(&mut f64, Span),
     ) {
-        on(&mut self.join, Span::new(Kind::Join, 1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
-        let of_force = Span::new(Kind::JoinForce, force, -10.0 * sliding, 10.0 * sliding);
+        on(&mut self.join, Span::new(Kind::Join, 1e-3, [-Self::JOIN_RANGE, Self::JOIN_RANGE]));
+        let of_force = Span::new(Kind::JoinForce, force, [-10.0 * sliding, 10.0 * sliding]);
         on(&mut self.join_force, of_force);
         for value in self.left.iter_mut().chain(&mut self.right) {
             on(value, Span { kind: Kind::Bend, expected: bend, ..of_force });

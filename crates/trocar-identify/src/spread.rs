@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::estimate::{Estimate, MANY_DEGREES};
-use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
+use super::likelihood::{Fitted, MODEL_DEGREES, Trial, degrees, jackknifed};
 
 /// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
 /// magnitude of a logarithm, ten times the sliding force.
@@ -150,7 +150,10 @@ impl<'a, T: Trial> Spread<'a, T> {
     fn of_data(&self, gradient: &DVector<f64>, direction: &DVector<f64>) -> (f64, f64) {
         match &self.moderated {
             Some(all) => (gradient.dot(&(all * gradient)), self.own_degrees() + MODEL_DEGREES),
-            None => (self.jackknife(gradient), self.degrees(direction)),
+            None => {
+                let values: Vec<f64> = self.departures.iter().map(|d| gradient.dot(d)).collect();
+                (jackknifed(&values), degrees(&self.found.information(direction)))
+            }
         }
     }
 
@@ -166,14 +169,6 @@ impl<'a, T: Trial> Spread<'a, T> {
         let of_model = &self.covariance * score * &self.covariance / unit.powi(2);
         let own = self.own_degrees();
         Some((self.jackknifed().0 * own + of_model * MODEL_DEGREES) / (own + MODEL_DEGREES))
-    }
-
-    /// Variance by the jackknife over clusters.
-    fn jackknife(&self, gradient: &DVector<f64>) -> f64 {
-        let g = self.departures.len() as f64;
-        let values: Vec<f64> = self.departures.iter().map(|d| gradient.dot(d)).collect();
-        let mean = values.iter().sum::<f64>() / g.max(1.0);
-        (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     }
 
     /// Covariance of the free parameters by the jackknife over clusters, and the number of clusters.
@@ -196,16 +191,6 @@ impl<'a, T: Trial> Spread<'a, T> {
     /// Deviations of the free parameters whose squares add up to their covariance.
     pub(super) fn axes(&self) -> Vec<Vec<f64>> {
         axes_of(self.of_readings())
-    }
-
-    /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
-    /// inform the parameter which changes along `direction`, less one. A parameter informed by few
-    /// strokes, such as F_s by the slow ones, has few.
-    fn degrees(&self, direction: &DVector<f64>) -> f64 {
-        let shares = self.found.information(direction);
-        let (sum, squares) =
-            shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
-        sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
     }
 
     /// Variance of a quantity with this gradient, and its degrees of freedom.

@@ -30,7 +30,7 @@ use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
 use super::kept::Kept;
 use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop, Trial};
-use super::load::of_load;
+use super::load::{OfLoad, of_load};
 use super::numbers;
 use super::spread::variance;
 use super::training::Training;
@@ -111,59 +111,49 @@ impl Term {
     pub(super) const OF_FREE_MOTION: [Self; 3] =
         [Self::MinorLoops, Self::SecondRelaxation, Self::SecondStage];
 
+    /// Its name, its words, and the parameters without which it is not determined.
+    fn declared(self) -> (&'static str, &'static str, &'static [ParameterId]) {
+        use Quantity as Q;
+        const SLOPE: ParameterId = Q::ViscousDamping.of(Direction::Insertion);
+        const ARM: [ParameterId; 2] = [Q::RelaxationStiffness.id(), Q::RelaxationTime.id()];
+        const ARM_2: [ParameterId; 2] =
+            [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
+        const STAGE_2: ParameterId = Q::CoulombForce.id().of_element(1);
+        match self {
+            Self::Stribeck => ("stribeck", "Stribeck friction", const { &[Q::StaticForce.id()] }),
+            Self::StribeckExponent => {
+                ("stribeck_exponent", "Stribeck exponent", const { &[Q::StribeckExponent.id()] })
+            }
+            Self::SealDamping => ("seal_damping", "seal damping", const { &[Q::SealDamping.id()] }),
+            Self::MinorLoops => {
+                ("minor_loops", "minor-loop stiffness", const { &[Q::YieldStiffness.id()] })
+            }
+            Self::Creep => ("creep", "creep of the contact", const { &[Q::CreepVelocity.id()] }),
+            Self::Dwell => ("dwell", "friction after rest", const { &[Q::DwellForce.id()] }),
+            Self::Relaxation => ("relaxation", "relaxation", &ARM),
+            Self::SecondRelaxation => ("second_relaxation", "second relaxation time", &ARM_2),
+            Self::Load(load) => {
+                let OfLoad { name, words, id, .. } = of_load(load);
+                (name, words, id)
+            }
+            Self::Asymmetry => ("asymmetry", "asymmetric sliding", const { &[SLOPE] }),
+            Self::SecondStage => ("second_stage", "second stage", const { &[STAGE_2] }),
+        }
+    }
+
     /// Name on the command line and in `summary.json`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Stribeck => "stribeck",
-            Self::StribeckExponent => "stribeck_exponent",
-            Self::SealDamping => "seal_damping",
-            Self::MinorLoops => "minor_loops",
-            Self::Creep => "creep",
-            Self::Dwell => "dwell",
-            Self::Relaxation => "relaxation",
-            Self::SecondRelaxation => "second_relaxation",
-            Self::Load(load) => of_load(load).name,
-            Self::Asymmetry => "asymmetry",
-            Self::SecondStage => "second_stage",
-        }
+        self.declared().0
     }
 
     /// Words for tables.
     pub fn words(self) -> &'static str {
-        match self {
-            Self::Stribeck => "Stribeck friction",
-            Self::StribeckExponent => "Stribeck exponent",
-            Self::SealDamping => "seal damping",
-            Self::MinorLoops => "minor-loop stiffness",
-            Self::Creep => "creep of the contact",
-            Self::Dwell => "friction after rest",
-            Self::Relaxation => "relaxation",
-            Self::SecondRelaxation => "second relaxation time",
-            Self::Load(load) => of_load(load).words,
-            Self::Asymmetry => "asymmetric sliding",
-            Self::SecondStage => "second stage",
-        }
+        self.declared().1
     }
 
     /// The parameters without which the term is not determined; the first gives its magnitude.
     pub(super) fn parameters(self) -> &'static [ParameterId] {
-        use Quantity as Q;
-        const RELAXATION: [ParameterId; 2] = [Q::RelaxationStiffness.id(), Q::RelaxationTime.id()];
-        const SECOND: [ParameterId; 2] =
-            [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
-        match self {
-            Self::Stribeck => const { &[Q::StaticForce.id()] },
-            Self::StribeckExponent => const { &[Q::StribeckExponent.id()] },
-            Self::SealDamping => const { &[Q::SealDamping.id()] },
-            Self::MinorLoops => const { &[Q::YieldStiffness.id()] },
-            Self::Creep => const { &[Q::CreepVelocity.id()] },
-            Self::Dwell => const { &[Q::DwellForce.id()] },
-            Self::Relaxation => &RELAXATION,
-            Self::SecondRelaxation => &SECOND,
-            Self::Load(load) => &of_load(load).id,
-            Self::Asymmetry => const { &[Q::ViscousDamping.of(Direction::Insertion)] },
-            Self::SecondStage => const { &[Q::CoulombForce.id().of_element(1)] },
-        }
+        self.declared().2
     }
 
     /// Whether the model has the term whatever the recordings say, since a parameter of it is kept.

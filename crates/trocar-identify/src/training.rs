@@ -574,10 +574,3 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together, settling: f
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }
-
-/// Whether all recordings are sampled finely enough to resolve the acceleration of a reversal. A
-/// reversal lasts some hundredths of a second and needs five positions.
-pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
-    const REVERSAL: f64 = 0.03;
-    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
-}

@@ -20,7 +20,7 @@ use super::stribeck;
 use trocar_recording::Recording;
 use trocar_recording::loads::Loads;
 use trocar_simulate::cancel;
-use trocar_simulate::segment::{Direction, Segments, SteadySegment, after_start};
+use trocar_simulate::segment::{Direction, Segments, SteadySegment, after_start, latter_half};
 
 /// Result of the two steps.
 pub(super) struct TwoSteps {
@@ -172,16 +172,6 @@ fn with_transients(
     found
         .flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK))
         .collect()
-}
-
-fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment {
-    let x = &recording.position;
-    let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
-    let inserting = x[segment.end - 1] > x[segment.start];
-    let start = (segment.start..segment.end)
-        .find(|i| if inserting { x[*i] >= middle } else { x[*i] <= middle })
-        .unwrap_or(segment.start);
-    SteadySegment { start, ..*segment }
 }
 
 /// Drops means of segments over which the force still rises from one limit to the other, which is

@@ -12,7 +12,6 @@ use super::estimate::{Estimate, t_p_value, t_quantile};
 use super::likelihood::{Extra, Fitted, Free, Normal, OneStep, Trial};
 use super::spread::variance;
 use super::training::Training;
-use super::training::acceleration_is_resolved;
 use trocar_recording::Recording;
 use trocar_recording::loads::Load;
 
@@ -91,7 +90,7 @@ impl Unexplained {
     ) -> Option<Self> {
         let EmsTrial { layout, candidate, .. } = &fitted.best;
         let mut columns = Vec::new();
-        if acceleration_is_resolved(recordings) {
+        if recordings.iter().all(Recording::resolves_reversals) {
             columns.push((Cause::Delay, Extra::Delay));
         }
         if !layout.loads[Load::Mass as usize] {

@@ -18,7 +18,7 @@ pub use motion::{local_acceleration, local_velocity, velocity_window};
 pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub use recording::{ReadOptions, Recording, check_sensor_limit};
+pub use recording::{ReadOptions, Recording, check_sensor_limit, force_range};
 pub use samples::Readings;
 pub use screen::OPPOSED;
 pub use smoothing::COARSE;

@@ -77,6 +77,18 @@ pub fn check_sensor_limit(limit: Option<f64>) -> Result<(), RecordingError> {
     })
 }
 
+/// Least and greatest force, N, that the recordings allow; infinite where a sensor saturated.
+#[must_use]
+pub fn force_range(recordings: &[Recording]) -> [f64; 2] {
+    if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    let all = recordings.iter().map(|r| range(&r.force));
+    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], (low, high)| {
+        [least.min(low), most.max(high)]
+    })
+}
+
 impl Recording {
     pub(crate) fn of(name: String, sha256: String, collected: (samples::Columns, Quality)) -> Self {
         let (columns, quality) = collected;
@@ -178,6 +190,13 @@ impl Recording {
             .saturated
             .iter()
             .any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
+    }
+
+    /// Whether the samples are dense enough to resolve the acceleration of a reversal, which lasts some
+    /// hundredths of a second and needs five positions.
+    pub fn resolves_reversals(&self) -> bool {
+        const REVERSAL: f64 = 0.03;
+        5.0 * self.quality.median_interval <= REVERSAL
     }
 
     /// Ranges of samples without a gap or reset; no conclusion may be drawn across their ends.

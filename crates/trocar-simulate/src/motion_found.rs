@@ -118,3 +118,37 @@ fn held(recording: &Recording, reach: f64) -> f64 {
     }
     total
 }
+
+/// Longest time, s, for which `recording` stays within `reach`, m, of where it came to rest. How long it
+/// had rested before the recording is unknown.
+#[must_use]
+pub fn longest_rest(recording: &Recording, reach: f64) -> f64 {
+    let (t, x) = (&recording.time, &recording.position);
+    let (mut from, mut longest) = (0, 0.0f64);
+    for i in 0..t.len() {
+        if (x[i] - x[from]).abs() >= reach {
+            longest = longest.max(if from > 0 { t[i] - t[from] } else { 0.0 });
+            from = i;
+        }
+    }
+    longest
+}
+
+/// Speed, m/s, below which the motion of the recordings spends a twentieth of its time; 0 without motion.
+#[must_use]
+pub fn slow_speed(recordings: &[Recording]) -> f64 {
+    const BLOCK: f64 = 0.05;
+    let mut speeds = Vec::new();
+    for recording in recordings {
+        let (t, x) = (&recording.time, &recording.position);
+        let mut from = 0;
+        for i in 0..t.len() {
+            if t[i] - t[from] >= BLOCK {
+                speeds.push((x[i] - x[from]).abs() / (t[i] - t[from]));
+                from = i;
+            }
+        }
+    }
+    speeds.sort_by(f64::total_cmp);
+    speeds.get(speeds.len() / 20).copied().unwrap_or(0.0)
+}

@@ -332,6 +332,17 @@ pub fn after_start(
         .collect()
 }
 
+/// The second half of the travel of a segment.
+pub fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment {
+    let x = &recording.position;
+    let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
+    let inserting = x[segment.end - 1] > x[segment.start];
+    let start = (segment.start..segment.end)
+        .find(|i| if inserting { x[*i] >= middle } else { x[*i] <= middle })
+        .unwrap_or(segment.start);
+    SteadySegment { start, ..*segment }
+}
+
 /// Strokes and constant-velocity segments of one recording.
 #[derive(Debug, Clone)]
 pub struct Segments {

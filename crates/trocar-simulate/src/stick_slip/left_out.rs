@@ -59,6 +59,17 @@ impl LeftOut {
         self.strokes.iter().any(|stroke| stroke.contains(&i))
     }
 
+    /// Travel, m, of each stroke of `recording` from where the seal turns to where it is seen to let go.
+    pub fn travels_to_release<'a>(
+        &'a self,
+        recording: &'a Recording,
+    ) -> impl Iterator<Item = f64> + 'a {
+        let seen = self.rest.iter().filter(|piece| piece.lets_go.is_some());
+        seen.map(|Piece { samples, .. }| {
+            (recording.position[samples.end - 1] - recording.position[samples.start]).abs()
+        })
+    }
+
     /// The segmentation without constant-velocity segments during which the seal sticks and slips.
     #[must_use]
     pub fn smooth(&self, segments: &Segments) -> Segments {
