@@ -119,8 +119,8 @@ fn held(recording: &Recording, reach: f64) -> f64 {
     total
 }
 
-/// Longest time, s, for which `recording` stays within `reach`, m, of where it came to rest. How long it
-/// had rested before the recording is unknown.
+/// Longest rest between two motions of `recording`, s: within `reach`, m, of where it came to rest. How
+/// long it rests before the first motion and after the last is not known to the end.
 #[must_use]
 pub fn longest_rest(recording: &Recording, reach: f64) -> f64 {
     let (t, x) = (&recording.time, &recording.position);
