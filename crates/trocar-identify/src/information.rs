@@ -21,9 +21,9 @@ use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, models_off, quantities};
 use super::spread::{Dependent, PRIOR_WIDTH, WORST_FACTOR, axes_of};
 use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
+use trocar_recording::cancel;
 use trocar_recording::loads::UNLOADED;
 use trocar_recording::{Recording, RecordingError, local_acceleration};
-use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
 use trocar_simulate::stick_slip::LeftOut;
 

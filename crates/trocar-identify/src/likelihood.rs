@@ -39,8 +39,8 @@ use trocar_model::{Direction, Friction};
 
 use super::prior::{Kind, Prior};
 use super::training::{INDEPENDENT, Run, Step, Training};
+use trocar_recording::cancel;
 use trocar_recording::loads::{Load, Loads};
-use trocar_simulate::cancel;
 
 /// Stopping criteria.
 #[derive(Debug, Clone, Copy)]

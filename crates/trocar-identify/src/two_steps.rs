@@ -18,8 +18,8 @@ use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::stribeck;
 use trocar_recording::Recording;
+use trocar_recording::cancel;
 use trocar_recording::loads::Loads;
-use trocar_simulate::cancel;
 use trocar_simulate::segment::{Direction, Segments, SteadySegment, after_start, latter_half};
 
 /// Result of the two steps.

@@ -28,6 +28,7 @@ pub use text::sha256;
 pub use units::Quantity;
 
 pub mod block;
+pub mod cancel;
 mod choice;
 mod collect;
 pub mod columns;

@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, RowVector3, Vector3};
 use rayon::prelude::*;
 
 use super::motion::local_acceleration;
-use super::{Quality, Recording};
+use super::{Quality, Recording, cancel};
 
 /// Step of the positions, m, from which it matters: 0.2 % of the smallest half widths in use.
 pub const COARSE: f64 = 2e-5;
@@ -111,6 +111,7 @@ impl Recording {
     fn expected(&self, error: f64) -> (Vec<f64>, Vec<f64>) {
         let pieces: Vec<(Range<usize>, Range<usize>)> = self.unbroken().flat_map(pieces).collect();
         let smooth = |(piece, with): &(Range<usize>, Range<usize>)| {
+            cancel::check();
             let states = expected(&self.time[with.clone()], &self.position[with.clone()], error);
             let own =
                 states.iter().skip(piece.start - with.start).zip(&self.position[piece.clone()]);

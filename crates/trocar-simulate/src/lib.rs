@@ -3,7 +3,6 @@
 
 #[cfg(feature = "bench")]
 pub mod bench;
-pub mod cancel;
 pub mod many;
 pub mod motion_found;
 pub mod profile;

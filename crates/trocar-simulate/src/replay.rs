@@ -10,11 +10,11 @@ use trocar_model::{
     Deformation, Friction, Mode, PartialReversals, Seal, SealState, Trocar, TrocarState,
 };
 
-use crate::cancel;
 use crate::many::along;
 use crate::simulate::turn;
 use crate::stick_slip::{LeftOut, Piece};
 use trocar_recording::Recording;
+use trocar_recording::cancel;
 
 /// Initial states count as forgotten when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;

@@ -15,13 +15,14 @@ pub use trocar_lab::{compare, draws, fleet, margin, motion, summary, validate, w
 pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.
 pub use trocar_recording as recording;
+pub use trocar_recording::cancel;
 #[cfg(feature = "report")]
 pub use trocar_report as report;
 pub use trocar_runtime::model_file;
 #[cfg(feature = "bench")]
 pub use trocar_simulate::bench;
 pub use trocar_simulate::profile;
-pub use trocar_simulate::{cancel, many, replay, scatter, segment, simulate};
+pub use trocar_simulate::{many, replay, scatter, segment, simulate};
 pub use trocar_tables::{option, output, table};
 
 /// Errors of all code that reads or writes files: what failed, where, what was found, what was

@@ -13,12 +13,12 @@ use crate::workflow::MovingMass;
 use trocar_identify::{
     Estimate, Identification, IdentifyError, IdentifyOptions, Subject, identify,
 };
+use trocar_recording::cancel;
 use trocar_recording::loads::Loads;
 use trocar_recording::rows::Crop;
 use trocar_recording::{
     ReadOptions, Readings, Recording, RecordingError, check_sensor_limit, digest_of, read, sha256,
 };
-use trocar_simulate::cancel;
 
 /// Peak memory of an identification, in units of the recording's columns.
 const PEAK_TO_COLUMNS: u64 = 5;

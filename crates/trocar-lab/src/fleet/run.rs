@@ -13,7 +13,7 @@ use super::dataset::{Dataset, Metadata};
 use super::journal::Entry;
 use super::one::Config;
 use super::row::{ENDS, FleetCell};
-use trocar_simulate::cancel::{self, Cancel, Stopped};
+use trocar_recording::cancel::{self, Cancel, Stopped};
 use trocar_tables::error::OutputError;
 use trocar_tables::table::{Column, Field, Kind};
 

@@ -10,7 +10,7 @@ use super::course::{AT_REST, sampled};
 use super::goal::Goal;
 use super::{PlanError, Share};
 use trocar_identify::{Force, Information, Motion, Noise, Progress, Rows};
-use trocar_simulate::cancel;
+use trocar_recording::cancel;
 
 /// What is known about one seal, and what each block would add.
 struct Known {

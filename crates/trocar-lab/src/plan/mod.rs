@@ -27,9 +27,9 @@ use serde::Serialize;
 use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Stages, Unit};
 
 use trocar_identify::{Expected, Motion, Progress, Rows};
+use trocar_recording::cancel;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::bench::{Course, alike};
-use trocar_simulate::cancel;
 use trocar_simulate::many::evenly;
 
 pub use blocks::{Block, Interruption};

@@ -12,7 +12,7 @@ use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
 use super::config::{Architecture, Config, ConfigError, Control, Place, TissueKind};
-use trocar_simulate::cancel;
+use trocar_recording::cancel;
 
 /// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]

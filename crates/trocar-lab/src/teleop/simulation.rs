@@ -9,8 +9,8 @@ use super::credit::Credit;
 use super::estimate::{Estimator, unscaled};
 use super::passivity::Port;
 use super::plant::{Follower, Leader, Motion};
+use trocar_recording::cancel;
 use trocar_simulate::bench::noise::Source;
-use trocar_simulate::cancel;
 
 /// Beyond these a loop counts as unstable, m and m/s: far outside any device.
 const FARTHEST_M: f64 = 10.0;

@@ -19,7 +19,7 @@ use trocar_model::{
 };
 
 use super::{TASK, run};
-use crate::cancel;
+use trocar_recording::cancel;
 
 /// Samples between two checks for cancellation.
 const PIECE: usize = 2048;

@@ -14,9 +14,9 @@ use trocar_runtime::profile::mean_between_knots;
 
 use super::banded::{Banded, Factor};
 use super::is_passive;
-use crate::cancel;
 use crate::segment::Stroke;
 use trocar_recording::Recording;
+use trocar_recording::cancel;
 
 /// Candidate numbers of intervals between knots.
 const INTERVALS: [usize; 8] = [4, 8, 16, 32, 48, 64, 96, 128];

@@ -1,7 +1,8 @@
 //! Cancellation of long computations.
 //!
-//! [`Cancel::run`] works on its own threads, which check the flag after each simulation of a model
-//! over some readings. Cancelled work unwinds from there: its data are dropped and nothing remains.
+//! [`Cancel::run`] works on its own threads, which check the flag after each piece of a recording
+//! that is smoothed and each simulation of a model over some readings. Cancelled work unwinds from
+//! there: its data are dropped and nothing remains.
 //! With its own threads a process created by `fork` also finds none missing.
 
 use std::any::Any;
@@ -91,7 +92,7 @@ pub fn is_cancelled(unwinding: &(dyn Any + Send)) -> bool {
 
 /// Whether the work of this thread was cancelled: for many short pieces, which take longer to unwind
 /// than to skip.
-pub(crate) fn is_requested() -> bool {
+pub fn is_requested() -> bool {
     FLAG.with(|own| own.get().is_some_and(|flag| flag.load(Ordering::Relaxed)))
 }
 
