@@ -157,7 +157,7 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let falls = insertion.static_force > insertion.coulomb_force;
     let swings =
         Swings::of(input.recordings, input.segments, *offset, falls).filter(|_| model.has_shape);
-    let are_left_out = input.stick_slip.is_some();
+    let are_left_out = input.stick_slip.is_some() && !input.options.paper;
     doubts.extend(swings.iter().map(|swings| swing_warning(swings, are_left_out)));
     doubts.extend(left_out(input));
     let stick_slip = swings.and_then(Swings::stick_slip);

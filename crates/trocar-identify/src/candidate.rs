@@ -296,7 +296,7 @@ const SHARE_RANGE: [f64; 2] = [1e-2, 1e2];
 const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 
 /// Which parameters of a candidate are free, in the order of the parameter vector.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Layout {
     /// The sensor offset, unless it is given.
     pub(super) offset: bool,
@@ -348,31 +348,10 @@ pub(super) const GAUSSIAN: f64 = 2.0;
 
 impl Layout {
     /// The element of the paper: (23), c and the branches.
-    pub(super) const PAPER: Self = Self {
-        offset: true,
-        loads: [false; 4],
-        own_levels: false,
-        own_slopes: false,
-        viscous: true,
-        stribeck: false,
-        exponent: false,
-        largest: f64::INFINITY,
-        lets_go: None,
-        shape: true,
-        narrowest: 0.0,
-        is_coarse: false,
-        has_coarse_steps: false,
-        damping: false,
-        yielding: false,
-        creep: false,
-        slowest_creep: 0.0,
-        lag: false,
-        shows_lag: false,
-        dwell: false,
-        arms: 0,
-        second: false,
-        kept: Kept::NONE,
-    };
+    pub(super) fn paper() -> Self {
+        let (offset, viscous, shape, largest) = (true, true, true, f64::INFINITY);
+        Self { offset, viscous, shape, largest, ..Self::default() }
+    }
 
     /// The parameters that `candidate` uses.
     pub(super) fn used_by(candidate: &Candidate) -> Self {
@@ -388,26 +367,28 @@ impl Layout {
             lag: candidate.creep_velocity > 0.0 && candidate.friction_lag > 0.0,
             dwell: candidate.dwell_force > 0.0,
             arms: arms.iter().filter(|arm| arm.stiffness > 0.0).count(),
-            ..Self::PAPER
+            ..Self::paper()
         }
     }
 
     /// Every parameter that a fit may have.
-    pub(super) const EVERY: Self = Self {
-        loads: [true; 4],
-        own_levels: true,
-        own_slopes: true,
-        stribeck: true,
-        exponent: true,
-        damping: true,
-        yielding: true,
-        creep: true,
-        lag: true,
-        dwell: true,
-        arms: MAX_ARMS,
-        second: true,
-        ..Self::PAPER
-    };
+    pub(super) fn every() -> Self {
+        Self {
+            loads: [true; 4],
+            own_levels: true,
+            own_slopes: true,
+            stribeck: true,
+            exponent: true,
+            damping: true,
+            yielding: true,
+            creep: true,
+            lag: true,
+            dwell: true,
+            arms: MAX_ARMS,
+            second: true,
+            ..Self::paper()
+        }
+    }
 }
 
 /// Visits the logarithm of a positive parameter.
@@ -476,6 +457,7 @@ impl Layout {
         on: &mut impl FnMut(&mut f64, Span),
     ) {
         use Quantity as Q;
+        let stages = candidate.stage_factor();
         let Candidate { insertion, withdrawal, .. } = candidate;
         let forces = [10.0 * force, self.largest.max(10.0 * force)];
         let other = *withdrawal;
@@ -490,7 +472,8 @@ impl Layout {
         if self.stribeck {
             let [low, high] = forces;
             let of_fit = [low, high.min(10.0 * insertion.coulomb_force)];
-            let of_fit = self.lets_go.map_or(of_fit, |[of_force, _]| of_force);
+            // What is seen is the force of all stages.
+            let of_fit = self.lets_go.map_or(of_fit, |[seen, _]| seen.map(|force| force / stages));
             let span = self.span(Q::StaticForce, Kind::SlidingForce, force, of_fit);
             on(&mut insertion.static_force, span);
             let span = self.span(Q::StribeckVelocity, Kind::StribeckVelocity, 1e-5, STRIBECK_RANGE);
@@ -640,8 +623,12 @@ impl EmsTrial {
             shape.join_force += by(force);
             shape.left.iter_mut().chain(&mut shape.right).for_each(|bend| *bend += by(force));
         }
-        let values: Vec<f64> = shaken.free().iter().map(|f| f.value).collect();
-        shaken.with(&values)
+        shaken.clamped()
+    }
+
+    /// With each free parameter within its range.
+    pub(super) fn clamped(&self) -> Self {
+        self.with(&self.free().iter().map(|free| free.value).collect::<Vec<_>>())
     }
 
     /// Number of free model parameters.
@@ -695,8 +682,7 @@ impl Trial for EmsTrial {
     }
 
     fn within(&self) -> Self {
-        let values: Vec<f64> = self.free().iter().map(|free| free.value).collect();
-        if self.layout.kept.is_empty() { self.clone() } else { self.with(&values) }
+        if self.layout.kept.is_empty() { self.clone() } else { self.clamped() }
     }
 
     fn offset(&self) -> f64 {

@@ -129,12 +129,26 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
         (training, fitted) = fitted_from(input, &fitted.best)?;
     }
-    fitted = restarted(input, &training, fitted);
+    fitted = restarted(input, &training, without_curve(&training, fitted));
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     let fitted = with_all_degrees(input, &training, fitted);
     Some(Begun { training, fitted })
+}
+
+/// The fit without a Stribeck curve that the two steps found, where that is better: the curve may have held
+/// it far from the least squares.
+fn without_curve(training: &Training, found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
+    let mut curved = found.best.clone();
+    for sliding in [&mut curved.candidate.insertion, &mut curved.candidate.withdrawal] {
+        sliding.coulomb_force = sliding.static_force;
+    }
+    // Where the seal is seen to let go it has one.
+    let is_open = curved.layout.stribeck && curved.layout.lets_go.is_none();
+    let plain = is_open.then(|| Term::Stribeck.left_out_of(&curved)).flatten();
+    let fit = plain.and_then(|plain| likelihood::fit(training, &plain, NEXT));
+    fit.filter(|fit| fit.cost() < found.cost()).unwrap_or(found)
 }
 
 /// Where a fit has parabolas for branches, that with the degrees that are wanted if the readings show
@@ -166,7 +180,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
         largest: largest(input),
         narrowest: 0.0,
         slowest_creep: SLOWEST_CREEP * slow_speed(input.recordings),
-        ..Layout::PAPER
+        ..Layout::paper()
     };
     let mut start = prior.trial(from_readings).ok()?;
     start.candidate.offset = input.options.offset.unwrap_or(start.candidate.offset);
@@ -759,7 +773,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         is_coarse: is_coarse(input, candidate.half_width),
         has_coarse_steps: recordings.iter().any(|r| r.coarse_step() > 0.0),
         kept,
-        ..Layout::PAPER
+        ..Layout::paper()
     };
     if let Some(offset) = options.offset {
         candidate.offset = offset;
@@ -768,8 +782,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     if let Some(found) = input.stick_slip.filter(|_| is_wanted(Term::Stribeck)) {
         candidate = seen_to_let_go(input, found, candidate, &mut layout);
     }
-    let candidate = layout
-        .with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
+    let candidate = EmsTrial::new(candidate, layout).clamped().candidate;
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     // The spring of a drive is no seal: only its friction is requested, and the two steps give that.
     let is_narrow = 2.0 * candidate.half_width < NEGLIGIBLE * longest;
@@ -804,8 +817,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     }
 }
 
-/// Standard deviations of the noise by which the greatest readings of a force that swings exceed it, and
-/// part of it to which they tell it.
+/// Standard deviations of the noise by which the greatest readings of a force that swings exceed the static
+/// force, and part of that force by which they may err.
 const IN_NOISE: f64 = 2.0;
 const SEEN_TO: f64 = 0.05;
 
@@ -823,9 +836,8 @@ fn seen_to_let_go(
     let seen = found.force_n[1] - IN_NOISE * noise;
     let margin = SEEN_TO * seen + noise;
     let candidate = holding_as_seen(candidate, seen, found.speed_m_s[1]);
-    let travels = input.left_out.iter().zip(input.recordings);
-    let travels = travels.flat_map(|(out, recording)| out.travels_to_release(recording));
-    let width = median(travels.collect()).map_or(candidate.half_width, |travel| 0.5 * travel);
+    let travels = input.left_out.iter().flat_map(|out| out.to_release.clone()).collect();
+    let width = median(travels).map_or(candidate.half_width, |travel| 0.5 * travel);
     let of_width = SEEN_WIDTH.map(|part| part * width);
     (layout.stribeck, layout.lets_go) = (true, Some([[seen - margin, seen + margin], of_width]));
     candidate.with_half_width(width).unwrap_or(candidate)

@@ -64,8 +64,6 @@ fn names() -> String {
 }
 
 impl Kept {
-    pub(super) const NONE: Self = Self([None; QUANTITIES.len()]);
-
     /// Keeps one more parameter, by its name with the unit, within a range in that unit.
     ///
     /// # Errors

@@ -275,7 +275,6 @@ impl Scatter {
     /// `sums` start with the empty sums of the stroke before; `first` is the number of the first of
     /// the others.
     fn new(sums: &[ScaleSums], first: usize, training: &Training, lambda: f64) -> Self {
-        let scale = &training.scale;
         let mut factored = Self {
             pivots: Vec::with_capacity(sums.len()),
             below: vec![0.0; sums.len()],
@@ -283,21 +282,15 @@ impl Scatter {
         };
         for k in 0..sums.len() {
             let square = sums[k].own + sums.get(k + 1).map_or(0.0, |next| next.before);
-            let is_unconstrained =
-                (first + k).checked_sub(1).is_some_and(|g| scale.is_unconstrained(g));
-            let is_begin = k == 0 && training.strokes[first].begins;
-            let held = match (is_begin, is_unconstrained) {
-                (true, _) => training.variance / (BEGIN_ERROR * BEGIN_ERROR),
-                (false, true) => UNCONSTRAINED * square,
-                (false, false) => lambda,
-            };
+            let held = training.held(first, k, lambda);
+            let is_scatter = held.is_some() && !training.begins(first, k);
+            let held = held.unwrap_or(UNCONSTRAINED * square);
             let mut pivot = if square + held > 0.0 { square + held } else { 1.0 };
             if k > 0 {
                 factored.below[k] = sums[k].mixed / factored.pivots[k - 1];
                 pivot -= factored.below[k] * sums[k].mixed;
             }
             factored.pivots.push(pivot);
-            let is_scatter = !is_begin && !is_unconstrained;
             factored.determinant += if is_scatter { (pivot / lambda).ln() } else { 0.0 };
         }
         factored
@@ -480,22 +473,23 @@ impl<'a> Predictor<'a> {
         }
     }
 
-    /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction;
-    /// `before` is the force simulated before the block.
+    /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction.
     fn row(
         &self,
-        block: &[Step],
+        Block { steps, lanes, columns: Columns { sources, begun }, before }: &Block,
         i: usize,
-        lanes: &DMatrix<f64>,
-        Columns { sources, begun }: &Columns,
-        before: f64,
         row: &mut [f64],
     ) -> (f64, [f64; 2]) {
-        let (step, force) = (&block[i], lanes[(0, i)]);
-        let rate = (force - if i > 0 { lanes[(0, i - 1)] } else { before }) / step.duration;
+        let (step, force) = (&steps[i], lanes[(0, i)]);
+        // The force at which the seal lets go is none of the deformation.
+        let deforms = if step.limit.is_none() { 1.0 } else { 0.0 };
+        let change = force - if i > 0 { lanes[(0, i - 1)] } else { *before };
+        let rate = deforms * change / step.duration;
         let (residual, scale, mut z) = self.residual(step, force);
-        if let (Some(lane), true) = (*begun, self.training.scale.is_free) {
-            z[1] += self.of_begin(step, scale, force, lanes[(lane, i)]);
+        let of_begin =
+            begun.map_or(0.0, |lane| self.of_begin(step, scale, force, lanes[(lane, i)]));
+        if self.training.scale.is_free {
+            z[1] += of_begin;
         }
         let basis = &self.training.scale.basis;
         for (slot, source) in row.iter_mut().zip(sources) {
@@ -505,14 +499,15 @@ impl<'a> Predictor<'a> {
                     if change.abs() <= self.leap { scale * change / step } else { 0.0 }
                 }
                 Source::Secant(lane) => scale * (lanes[(*lane, i)] - force),
-                Source::Offset => 1.0,
+                // It is in the reading at which a run begins, too.
+                Source::Offset => 1.0 - of_begin * LEAP / self.leap,
                 Source::Load(Load::Pressure) => {
                     scale / self.gain(step) * force * step.effects[Load::Pressure as usize]
                 }
                 Source::Load(load) => step.effects[*load as usize],
                 Source::Delay => scale * rate,
                 Source::Drift(k) => self.gain(step) * force * Self::blended(step, |g| basis[*k][g]),
-                Source::Followed(lane) => scale * lanes[(*lane, i)],
+                Source::Followed(lane) => deforms * scale * lanes[(*lane, i)],
             };
         }
         (residual, z)
@@ -554,6 +549,15 @@ enum Source {
     Drift(usize),
     /// Derivative of the simulated force in `lane`, after the simulations.
     Followed(usize),
+}
+
+/// Steps that are simulated at a time, and what is.
+struct Block<'a> {
+    steps: &'a [Step],
+    lanes: &'a DMatrix<f64>,
+    columns: &'a Columns,
+    /// The force simulated before them, N.
+    before: f64,
 }
 
 /// The simulations that the columns need (the trial's own first), and the columns.
@@ -729,11 +733,12 @@ fn sum_over<T: Trial>(
     let mut before = 0.0;
     let mut next = blocks.peek().map(|block| running.over(block));
     // While one block is added, the next is simulated.
-    while let (Some(block), Some(forces)) = (blocks.next(), next) {
+    while let (Some(steps), Some(lanes)) = (blocks.next(), next) {
         let following = blocks.peek();
-        let add = || accumulate(predictor, block, &forces, columns, before, clusters);
+        let block = Block { steps, lanes: &lanes, columns, before };
+        let add = || accumulate(predictor, &block, clusters);
         next = rayon::join(|| following.map(|block| running.over(block)), add).0;
-        before = forces[(0, block.len() - 1)];
+        before = lanes[(0, steps.len() - 1)];
     }
 }
 
@@ -749,7 +754,7 @@ pub(crate) struct Row {
     pub(crate) force: f64,
     pub(crate) weight: f64,
     pub(crate) stroke: usize,
-    /// Number of the unbroken part of a recording.
+    /// Number of the piece of a recording.
     pub(crate) run: usize,
     /// Displacement, m, and duration, s, of the step.
     pub(crate) displacement: f64,
@@ -779,10 +784,10 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
             time += step.duration;
             *end = time;
         }
+        let block = Block { steps: &run.steps, lanes: &lanes, columns, before: lanes[(0, 0)] };
         let of_step = |i: usize| {
             let (step, mut derivatives) = (&run.steps[i], vec![0.0; columns.sources.len()]);
-            let (residual, scale) =
-                predictor.row(&run.steps, i, &lanes, columns, lanes[(0, 0)], &mut derivatives);
+            let (residual, scale) = predictor.row(&block, i, &mut derivatives);
             Row {
                 derivatives,
                 residual,
@@ -801,21 +806,13 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
     Some(training.runs.iter().enumerate().flat_map(of_run).collect())
 }
 
-/// Adds the steps of a block to the sums of its clusters, among those of a run; `before` is the
-/// force simulated before it.
-fn accumulate(
-    predictor: &Predictor,
-    block: &[Step],
-    lanes: &DMatrix<f64>,
-    columns: &Columns,
-    before: f64,
-    clusters: &mut [ClusterSums],
-) {
-    let from_stroke = |stroke: usize| block.partition_point(|step| step.stroke < stroke);
+/// Adds the steps of a block to the sums of its clusters, among those of a run.
+fn accumulate(predictor: &Predictor, block: &Block, clusters: &mut [ClusterSums]) {
+    let from_stroke = |stroke: usize| block.steps.partition_point(|step| step.stroke < stroke);
     clusters.par_iter_mut().for_each(|cluster| {
         let range = from_stroke(cluster.first)..from_stroke(cluster.first + cluster.strokes.len());
         if !range.is_empty() {
-            accumulate_cluster(predictor, block, range, lanes, columns, before, cluster);
+            accumulate_cluster(predictor, block, range, cluster);
         }
     });
 }
@@ -826,22 +823,19 @@ const AT_ONCE: usize = 4;
 /// The steps `range` of a block, all within one cluster.
 fn accumulate_cluster(
     predictor: &Predictor,
-    block: &[Step],
+    block: &Block,
     range: Range<usize>,
-    lanes: &DMatrix<f64>,
-    columns: &Columns,
-    before: f64,
     cluster: &mut ClusterSums,
 ) {
-    let p = columns.sources.len();
+    let (p, steps) = (block.columns.sources.len(), block.steps);
     let mut rows = vec![0.0; AT_ONCE * p];
     let mut weights = [0.0; AT_ONCE];
-    let counted: Vec<usize> = range.filter(|i| block[*i].weight > 0.0).collect();
+    let counted: Vec<usize> = range.filter(|i| steps[*i].weight > 0.0).collect();
     for all in counted.chunks(AT_ONCE) {
         weights.fill(0.0);
         for (k, i) in all.iter().enumerate() {
-            let (step, row) = (&block[*i], &mut rows[k * p..(k + 1) * p]);
-            let (residual, z) = predictor.row(block, *i, lanes, columns, before, row);
+            let (step, row) = (&steps[*i], &mut rows[k * p..(k + 1) * p]);
+            let (residual, z) = predictor.row(block, *i, row);
             let weight = step.weight;
             weights[k] = weight;
             cluster.steps += step.independent;
@@ -879,6 +873,22 @@ fn add_products(hessian: &mut [f64], rows: &[f64], weights: [f64; AT_ONCE]) {
 }
 
 impl Training {
+    /// Whether the scale `k` of those of a cluster with the first stroke `first`, after that of the stroke
+    /// before, is the error of the reading at which a run begins.
+    fn begins(&self, first: usize, k: usize) -> bool {
+        k == 0 && self.strokes[first].begins
+    }
+
+    /// The precision of that scale times σ², N²; `None` where its size is no datum.
+    fn held(&self, first: usize, k: usize, lambda: f64) -> Option<f64> {
+        if self.begins(first, k) {
+            return Some(self.variance / (BEGIN_ERROR * BEGIN_ERROR));
+        }
+        let stroke = (first + k).checked_sub(1);
+        let is_unconstrained = stroke.is_some_and(|g| self.scale.is_unconstrained(g));
+        (!is_unconstrained).then_some(lambda)
+    }
+
     /// W·(x − Z·P⁻¹·Z'Wx) of the steps of a cluster with the first stroke `first`; adds the variance
     /// of the score that the scatter of their strokes makes to `sum`.
     pub(super) fn scattered(
@@ -917,12 +927,9 @@ impl Training {
             row.weight * all
         };
         // X̃'WZ is λ·X'WZ·P⁻¹, and τ² = σ²/λ.
-        let lambda = self.scale.lambda;
         for (k, own) in solved.column_iter().enumerate() {
-            let is_unconstrained =
-                (first + k).checked_sub(1).is_some_and(|g| self.scale.is_unconstrained(g));
-            if !is_unconstrained {
-                sum.ger(self.variance * lambda, &own, &own, 1.0);
+            if let Some(held) = self.held(first, k, self.scale.lambda) {
+                sum.ger(self.variance * held, &own, &own, 1.0);
             }
         }
         rows.iter().map(moved).collect()

@@ -69,7 +69,7 @@ pub fn reported(degrees: [usize; 2]) -> Vec<ParameterId> {
     };
     let joins = branches(vec![Quantity::Join, Quantity::JoinForce]);
     let coefficients = branches(Quantity::coefficients(degrees).collect());
-    quantities(Layout::EVERY)
+    quantities(Layout::every())
         .into_iter()
         .map(|(id, _)| id)
         .chain(joins)

@@ -12,7 +12,7 @@ use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
 use super::findings::{Parameter, Warning};
 use super::likelihood::{self, Fitted};
-use super::numbers::{OnLogarithm, parameter_or_held};
+use super::numbers::{parameter_or_held, quantities};
 use super::result::Identification;
 use super::spread::Spread;
 use trocar_recording::loads::Loads;
@@ -50,7 +50,7 @@ pub fn refit(
         own_slopes: found.model.insertion != found.model.withdrawal,
         stribeck: found.model.insertion.static_force > found.model.insertion.coulomb_force,
         damping: true,
-        ..Layout::PAPER
+        ..Layout::paper()
     };
     let candidate = Candidate { loads: Loads::default(), ..found.model.clone() };
     let candidates = match &found.deformation {
@@ -74,30 +74,9 @@ pub fn refit(
     Ok(EmsRefit { model, stages, parameters, free_parameters, warnings })
 }
 
-/// What is reported, and whether its interval is taken on the logarithm.
-fn quantities(layout: Layout) -> Vec<OnLogarithm> {
-    use Quantity as Q;
-    let [insertion, withdrawal] = Direction::BOTH;
-    let damping = match layout.own_slopes {
-        true => Direction::BOTH.map(|direction| Q::ViscousDamping.of(direction)).to_vec(),
-        false => vec![Q::ViscousDamping.id()],
-    };
-    let mut all = vec![(Q::Offset.id(), false), (Q::CoulombForce.id(), true)];
-    all.extend(damping.into_iter().map(|id| (id, false)));
-    all.push((Q::HalfWidth.id(), true));
-    all.extend(
-        [Q::SealDamping.id(), Q::Join.of(insertion), Q::Join.of(withdrawal)].map(|id| (id, false)),
-    );
-    if layout.stribeck {
-        all.extend([Q::StaticForce, Q::StribeckVelocity].map(|quantity| (quantity.id(), true)));
-    }
-    all
-}
-
 fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let spread = Spread::new(fitted);
-    quantities(fitted.best.layout)
-        .into_iter()
-        .map(|q| parameter_or_held(fitted, &spread, q, 1.0))
-        .collect()
+    let joins = Direction::BOTH.map(|direction| (Quantity::Join.of(direction), false));
+    let all = quantities(fitted.best.layout).into_iter().chain(joins);
+    all.map(|q| parameter_or_held(fitted, &spread, q, 1.0)).collect()
 }

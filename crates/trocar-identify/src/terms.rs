@@ -17,8 +17,10 @@
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
 //! removed again if the fit without it is not significantly worse (the same F test), or by less than a
 //! term must remove. Most are needed so clearly that the secant to the model without the term, the
-//! others following in one step, shows it for all terms in one pass.
+//! others following in one step, shows it for all terms in one pass. Of terms that imitate each other
+//! ([`ALIKE`]) the one taken first may hold what is another's: each is tried in the place of the others.
 
+use std::cmp::Ordering;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -174,11 +176,6 @@ impl Term {
         }
     }
 
-    /// Whether the inertia of an unmodelled mass could be mistaken for the term.
-    fn may_be_inertia(self) -> bool {
-        matches!(self, Self::Stribeck | Self::SealDamping | Self::Creep | Self::Relaxation)
-    }
-
     pub(super) fn is_in(self, layout: &Layout) -> bool {
         match self {
             Self::Stribeck => layout.stribeck,
@@ -306,10 +303,7 @@ impl Term {
             Self::Asymmetry => (layout.own_slopes, layout.own_levels) = (false, false),
             Self::SecondStage => return None,
         }
-        let values: Vec<f64> =
-            smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
-        smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
-        Some(smaller)
+        Some(smaller.clamped())
     }
 
     /// Least gain of the term in the model `with` it; `slowest` is the slowest sliding, m/s.
@@ -319,9 +313,10 @@ impl Term {
             Self::Stribeck if is_seen_sliding => LEAST_GAIN,
             // Another law than the paper's must be visible.
             Self::StribeckExponent => LARGE_GAIN,
-            Self::Stribeck | Self::Creep if with.layout.has_coarse_steps => LEAST_GAIN_BEHIND_STEPS,
-            Self::Stribeck | Self::Creep => LEAST_GAIN_AT_YIELD,
-            _ => LEAST_GAIN,
+            _ if !ALIKE.contains(&self) => LEAST_GAIN,
+            _ if with.layout.has_coarse_steps => LEAST_GAIN_BEHIND_STEPS,
+            Self::SealDamping => LEAST_GAIN,
+            _ => LEAST_GAIN_AT_YIELD,
         }
     }
 
@@ -435,10 +430,16 @@ pub(super) const SUSPECTED: f64 = 0.05;
 /// encoders look like creep and a static force. Of 90 drawn seals (`drawn_strokes` 11 to 100 of
 /// `tests/trust`) those without either lost up to 0.6 % to them with finer encoders, and up to 4.1 %
 /// where the steps are [`trocar_recording::COARSE`] or more; a static force that was there removed 1.4 %
-/// or more, and 5.6 % or more behind such steps, creep up to 3.8 %.
+/// or more, and 5.6 % or more behind such steps, creep up to 3.8 %. What imitates them is held to the same.
 const LEAST_GAIN: f64 = 1e-3;
 const LEAST_GAIN_AT_YIELD: f64 = 1e-2;
 const LEAST_GAIN_BEHIND_STEPS: f64 = 5e-2;
+
+/// Terms that imitate each other where a seal begins to slide, and that the inertia of an unmodelled mass
+/// imitates.
+const ALIKE: [Term; 4] = [Term::Creep, Term::Relaxation, Term::Stribeck, Term::SealDamping];
+/// Most of them that are exchanged.
+const EXCHANGES: usize = 3;
 
 /// A term that was fitted and not kept, and why.
 type Failed = (Term, &'static str);
@@ -491,11 +492,27 @@ impl Score {
 pub(super) const TERMS_FROM: f64 = 0.1;
 pub(super) const TERMS_TO: f64 = 0.6;
 
-/// Adds terms except those `excluded` as long as the data support one, and removes those that
-/// others make unnecessary.
+/// Adds terms except those `excluded` as long as the data support one, removes those that others make
+/// unnecessary, and exchanges those that imitate others.
 ///
 /// `speeds` are the slowest and fastest of the sliding, m/s.
 pub(super) fn choose(
+    training: &Training,
+    fitted: Fitted<EmsTrial>,
+    excluded: &[Term],
+    speeds: [f64; 2],
+    progress: Progress,
+) -> Chosen {
+    let mut chosen = grown(training, fitted, excluded, speeds, progress);
+    for _ in 0..EXCHANGES {
+        let Some(other) = chosen.exchanged(training, excluded, speeds) else { break };
+        chosen = grown(training, other, excluded, speeds, progress);
+    }
+    chosen
+}
+
+/// The same without exchanges.
+fn grown(
     training: &Training,
     fitted: Fitted<EmsTrial>,
     excluded: &[Term],
@@ -591,6 +608,55 @@ impl Chosen {
             }
         }
         has_grown
+    }
+
+    /// A better fit with one of two terms that imitate each other in the place of the other: the one that
+    /// was taken first may hold what is the other's.
+    fn exchanged(
+        &self,
+        training: &Training,
+        excluded: &[Term],
+        speeds: [f64; 2],
+    ) -> Option<Fitted<EmsTrial>> {
+        let pairs = ALIKE.iter().flat_map(|taken| ALIKE.iter().map(move |other| (*taken, *other)));
+        let may_be = |(taken, other): &(Term, Term)| taken != other && !excluded.contains(other);
+        pairs.filter(may_be).find_map(|pair| self.with_exchanged(training, pair, speeds))
+    }
+
+    /// The fit with `other`, from its starts, in the place of the term `taken`, if it is better: of more
+    /// numbers significantly, of as many it errs less, of fewer it is not significantly worse.
+    fn with_exchanged(
+        &self,
+        training: &Training,
+        (taken, other): (Term, Term),
+        speeds: [f64; 2],
+    ) -> Option<Fitted<EmsTrial>> {
+        let best = &self.fitted.best;
+        let without = |term: Term, trial: EmsTrial| match term.is_in(&trial.layout) {
+            true => term.left_out_of(&trial),
+            false => Some(trial),
+        };
+        let bare = without(other, taken.is_in(&best.layout).then(|| taken.left_out_of(best))??)?;
+        if !other.can_join(&bare.layout) {
+            return None;
+        }
+        let cost = |start: EmsTrial| (likelihood::cost(training, &start), start);
+        let starts = other.variants(&bare, speeds).into_iter().map(cost);
+        let (_, start) = starts.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let may_be_better =
+            |fit: &Fitted<EmsTrial>| fit.hoped_cost(HOPE) < (1.0 + LEAST_GAIN) * self.fitted.cost();
+        let first = likelihood::fit(training, &start, FIRST).filter(may_be_better)?;
+        let begun = likelihood::fit(training, &first.best, BEGIN).filter(may_be_better)?;
+        let fitted = likelihood::fit(training, &begun.best, NEXT)?;
+        let [own, its] = [&self.fitted, &fitted].map(|fit| fit.best.free_numbers());
+        let is_better = match its.cmp(&own) {
+            Ordering::Greater => improvement_p_value(training, &self.fitted, &fitted) < LEVEL,
+            Ordering::Equal => fitted.cost() < (1.0 - NEXT.fall) * self.fitted.cost(),
+            Ordering::Less => improvement_p_value(training, &fitted, &self.fitted) >= LEVEL,
+        };
+        let is_known =
+            other == Term::Stribeck || numbers::are_determined(&fitted, other.parameters());
+        (is_better && is_known).then_some(fitted)
     }
 
     /// The fit with a term that the data support at `level`, and whether it has only begun; or why
@@ -852,7 +918,7 @@ fn scores(
         .map(|((term, start), place)| {
             let beside: Vec<usize> = match term {
                 Term::Load(Load::Mass) => [Some(delay), damping].into_iter().flatten().collect(),
-                term if term.may_be_inertia() && !best.layout.loads[Load::Mass as usize] => {
+                term if ALIKE.contains(&term) && !best.layout.loads[Load::Mass as usize] => {
                     vec![acceleration]
                 }
                 _ => Vec::new(),

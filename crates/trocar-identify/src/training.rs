@@ -113,10 +113,8 @@ impl Step {
     }
 
     /// The reading after this step at which the seal lets go, N.
-    fn letting_go(&self, force: f64) -> Self {
-        let inserts = self.displacement > 0.0;
-        let limit = if inserts { Direction::Insertion } else { Direction::Withdrawal };
-        let (displacement, limit) = (0.0, Some(limit));
+    fn letting_go(&self, (direction, force): (Direction, f64)) -> Self {
+        let (displacement, limit) = (0.0, Some(direction));
         Self { displacement, force, weight: LETS_GO, centre: 1.0, limit, ..self.clone() }
     }
 
@@ -173,7 +171,7 @@ impl Scale {
     }
 }
 
-/// Steps of one unbroken part of a recording, from an unknown initial state.
+/// Steps of one piece of a recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     pub(crate) steps: Vec<Step>,
@@ -258,15 +256,6 @@ impl Segmented<'_> {
         let effects = self.effects().map(|effect| effect.map_or(0.0, of));
         (of(&self.recording.force), effects.map(|own| if own.is_nan() { 0.0 } else { own }))
     }
-
-    /// What is fitted: from each piece to the next the state is unknown.
-    fn pieces(&self) -> Vec<Piece> {
-        let all = match self.left_out.rest.as_slice() {
-            [] => self.recording.unbroken().map(Piece::unknown).collect(),
-            rest => rest.to_vec(),
-        };
-        all.into_iter().filter(|piece| piece.samples.len() > 1).collect()
-    }
 }
 
 /// Weight of a reading at which the seal lets go: of the samples by which it is found.
@@ -320,7 +309,7 @@ impl Training {
         };
         let (mut runs, mut strokes) = (Vec::new(), Vec::new());
         for (index, part) in data.iter().enumerate() {
-            for piece in part.pieces() {
+            for piece in part.left_out.pieces(part.recording) {
                 runs.push(run(part, index, piece, limits, &mut strokes));
             }
         }
@@ -478,7 +467,7 @@ fn run(
         }
         let settling = recording.time[at] - progress.sudden;
         let next = match inside {
-            Some(s) => together(part, at, s.end, limits.sliding, settling),
+            Some(s) => together(part, at, s.end.min(range.end), limits.sliding, settling),
             None if progress.since_reversal > SLIDES * limits.half_width => {
                 together(part, at, range.end, limits.sliding, settling)
             }
@@ -493,7 +482,8 @@ fn run(
         steps.extend(step.divided(if is_one { limits.divided } else { f64::INFINITY }));
         at = next;
     }
-    let at_end = lets_go.zip(steps.last()).map(|(force, last)| last.letting_go(force));
+    let seen = lets_go.filter(|_| !recording.is_clipped(range.end - 1));
+    let at_end = seen.zip(steps.last()).map(|(seen, last)| last.letting_go(seen));
     steps.extend(at_end);
     let mut effects = steps.first().map_or_else(Default::default, |s: &Step| s.effects);
     effects[Load::Mass as usize] = 0.0;

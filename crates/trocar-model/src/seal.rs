@@ -307,7 +307,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         self.state(position, self.seal.rest_at_force(self.without_profile_at(position, force)))
     }
 
-    /// The same after a slide in `direction`, [`Friction::rest_after`].
+    /// At rest at `position` (m) with `force` (N) after a slide in `direction`, [`Friction::rest_after`].
     pub fn rest_after(&self, position: f64, direction: Direction, force: f64) -> TrocarState {
         let own = self.without_profile_at(position, force);
         self.state(position, self.seal.rest_after(direction, own))

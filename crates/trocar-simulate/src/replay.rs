@@ -82,16 +82,18 @@ pub fn replay_rest<K: AsRef<[f64]>>(
     left_out: &LeftOut,
 ) -> Replay {
     let mut out = Replay::default();
+    let pieces = left_out.pieces(recording);
     for range in recording.unbroken() {
-        let inside = |piece: &&Piece| range.contains(&piece.samples.start);
-        let pieces: Vec<Piece> = left_out.rest.iter().filter(inside).cloned().collect();
-        let from = pieces.first().map_or(range.end, |piece| piece.samples.start);
-        let before = Piece::unknown(range.start..from);
-        let all: Vec<Piece> = std::iter::once(before).chain(pieces).collect();
-        for (k, piece) in all.iter().enumerate().filter(|(_, piece)| !piece.samples.is_empty()) {
-            cancel::check();
+        let inside = pieces.iter().filter(|piece| range.contains(&piece.samples.start)).cloned();
+        // Before the first piece nothing is known.
+        let before = Piece::unknown(range.start..range.start);
+        let all: Vec<Piece> = std::iter::once(before).chain(inside).collect();
+        for (k, piece) in all.iter().enumerate() {
             let to = all.get(k + 1).map_or(range.end, |next| next.samples.start);
-            out.follow(trocar, recording, &force, (piece, to));
+            if piece.samples.start < to {
+                cancel::check();
+                out.follow(trocar, recording, &force, (piece, to));
+            }
         }
     }
     out

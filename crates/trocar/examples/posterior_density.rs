@@ -38,7 +38,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let density = found.density.as_ref().ok_or("there is no fit")?;
     match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
         ["write", path] => {
-            std::fs::write(path, serde_json::to_string(&density.data())? + "\n")?;
+            let data = density.data().ok_or("the seal sticks and slips")?;
+            std::fs::write(path, serde_json::to_string(&data)? + "\n")?;
         }
         ["time"] => {
             let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;

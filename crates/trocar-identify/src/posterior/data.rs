@@ -58,9 +58,13 @@ struct RunData {
 }
 
 impl Density {
-    /// The density in numbers.
+    /// The density in numbers; `None` of a seal that sticks and slips: at which readings its runs begin and
+    /// end, these numbers do not say.
     #[must_use]
-    pub fn data(&self) -> impl Serialize + use<> {
+    pub fn data(&self) -> Option<impl Serialize + use<>> {
+        if self.training.runs.iter().any(|run| run.after.is_some()) {
+            return None;
+        }
         let scale = &self.training.scale;
         let finite = |value: f64| value.is_finite().then_some(value);
         let parameter = |j: usize| {
@@ -78,7 +82,7 @@ impl Density {
                 prior_standard_deviation: deviation,
             }
         };
-        DensityData {
+        Some(DensityData {
             variance_n2: self.training.variance,
             lambda_n2: scale.is_free.then_some(scale.lambda),
             joins: self.knots,
@@ -88,7 +92,7 @@ impl Density {
             drift: scale.basis.clone(),
             clusters: self.training.strokes.iter().map(|stroke| stroke.cluster).collect(),
             runs: self.training.runs.iter().map(RunData::of).collect(),
-        }
+        })
     }
 }
 

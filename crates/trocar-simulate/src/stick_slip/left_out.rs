@@ -27,6 +27,8 @@ pub struct LeftOut {
     pub releases: Vec<Range<usize>>,
     /// What is left of a recording of a seal that sticks and slips, in order. Empty for another seal.
     pub rest: Vec<Piece>,
+    /// Travel, m, from each reversal to where the seal is seen to let go.
+    pub to_release: Vec<f64>,
 }
 
 /// A part of a recording through which a model can follow a seal that sticks and slips.
@@ -37,8 +39,8 @@ pub struct Piece {
     /// The direction of the motion before the reversal with which it begins, and the samples about that
     /// whose readings tell the state; `None` where the state is unknown.
     pub begins: Option<(Direction, Range<usize>)>,
-    /// Reading, N, at which the seal lets go at its end, between two samples.
-    pub lets_go: Option<f64>,
+    /// Direction of the motion and reading, N, at which the seal lets go at its end, between two samples.
+    pub lets_go: Option<(Direction, f64)>,
 }
 
 impl Piece {
@@ -51,7 +53,12 @@ impl Piece {
 
 impl LeftOut {
     /// Nothing.
-    pub const NONE: &Self = &Self { strokes: Vec::new(), releases: Vec::new(), rest: Vec::new() };
+    pub const NONE: &Self = &Self {
+        strokes: Vec::new(),
+        releases: Vec::new(),
+        rest: Vec::new(),
+        to_release: Vec::new(),
+    };
 
     /// Whether the seal sticks and slips in the stroke with the sample `i`.
     #[must_use]
@@ -59,15 +66,15 @@ impl LeftOut {
         self.strokes.iter().any(|stroke| stroke.contains(&i))
     }
 
-    /// Travel, m, of each stroke of `recording` from where the seal turns to where it is seen to let go.
-    pub fn travels_to_release<'a>(
-        &'a self,
-        recording: &'a Recording,
-    ) -> impl Iterator<Item = f64> + 'a {
-        let seen = self.rest.iter().filter(|piece| piece.lets_go.is_some());
-        seen.map(|Piece { samples, .. }| {
-            (recording.position[samples.end - 1] - recording.position[samples.start]).abs()
-        })
+    /// The parts of its recording through which a model can follow the seal: the unbroken ones where
+    /// nothing is left out.
+    #[must_use]
+    pub fn pieces(&self, recording: &Recording) -> Vec<Piece> {
+        let all = match self.strokes.is_empty() && self.rest.is_empty() {
+            true => recording.unbroken().map(Piece::unknown).collect(),
+            false => self.rest.clone(),
+        };
+        all.into_iter().filter(|piece| piece.samples.len() > 1).collect()
     }
 
     /// The segmentation without constant-velocity segments during which the seal sticks and slips.
@@ -129,7 +136,6 @@ impl LeftOut {
             }
             out.rest.push(Piece::unknown(from..end));
         }
-        out.rest.retain(|piece| piece.samples.len() > 1);
         out
     }
 
@@ -330,22 +336,27 @@ impl<'a> Followed<'a> {
             };
             let release = self.release(stroke).filter(is_usual);
             let (from, begins) = open.take().unwrap_or_else(|| (stroke.start, self.begins(stroke)));
-            let up_to = |(at, reading): (usize, f64)| Piece {
-                samples: from..at + 1,
+            let up_to = |end: usize, reading: Option<f64>| Piece {
+                samples: from..end + 1,
                 begins: begins.clone(),
-                lets_go: Some(reading),
+                lets_go: reading.map(|reading| (stroke.direction, reading)),
             };
+            out.to_release.extend(release.map(|(at, _)| self.travel(stroke.start, at)));
             let Some([first, last]) = self.slides(stroke) else {
                 out.strokes.push(stroke.start..stroke.end);
-                out.rest.extend(release.map(up_to));
+                // What slid before ends here at the latest.
+                out.rest.push(release.map_or_else(
+                    || up_to(stroke.start, None),
+                    |(at, reading)| up_to(at, Some(reading)),
+                ));
                 continue;
             };
             // Where a stroke begins with a known state, its deformation ends where the seal lets go.
             let (from, begins) = match release.filter(|_| from == stroke.start && begins.is_some())
             {
-                Some(release) => {
-                    out.rest.push(up_to(release));
-                    (first.max(release.0 + 1), None)
+                Some((at, reading)) => {
+                    out.rest.push(up_to(at, Some(reading)));
+                    (first.max(at + 1), None)
                 }
                 None => (from, begins),
             };
@@ -357,7 +368,6 @@ impl<'a> Followed<'a> {
             let end = if keeps { stroke.end } else { last };
             out.rest.push(Piece { samples: from..end + 1, begins, lets_go: None });
         }
-        out.rest.retain(|piece| piece.samples.len() > 1);
         out
     }
 }
@@ -392,4 +402,66 @@ fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Rang
         (is_large && is_sudden).then(|| peak..fallen + 1)
     });
     releases.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::replay::{replay, replay_rest};
+    use crate::segment::{SegmentOptions, segment};
+    use trocar_model::{Classical, Dahl, DahlParams, Trocar};
+
+    /// Strokes of 10 mm at these speeds, mm/s, against 2 N.
+    fn strokes(speeds: &[f64]) -> Recording {
+        let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
+        for (stroke, speed) in speeds.iter().enumerate() {
+            for k in 1..=(10e3 / speed) as u32 {
+                let way = 1e-3 * speed * f64::from(k);
+                let inserts = stroke % 2 == 0;
+                time.push(1e-3 * time.len() as f64);
+                position.push(1e-3 * if inserts { way } else { 10.0 - way });
+                force.push(if inserts { 2.0 } else { -2.0 });
+            }
+        }
+        Recording::from_columns("strokes", time, position, force).expect("a recording")
+    }
+
+    #[test]
+    fn what_slides_before_a_stroke_that_is_not_seen_to_let_go_is_left() {
+        let recording = strokes(&[20.0, 20.0, 20.0, 2.0, 20.0, 20.0]);
+        let both = Direction::BOTH.map(|direction| {
+            let (upper, width, travel, period) = (2.2, 0.4, 5e-4, 0.05);
+            Swinging { direction, upper, width, travel, period, fastest: 0.01 }
+        });
+        let segments = segment(&recording, &SegmentOptions::default());
+        let out = Followed::new(&both, &recording).left_out(&segments, Some(1e-3));
+        let slow = &segments.strokes[3];
+        assert_eq!(out.strokes, [slow.start..slow.end]);
+        let left: Vec<_> = out.pieces(&recording).into_iter().map(|own| own.samples).collect();
+        assert_eq!(left, [0..slow.start + 1, slow.end..recording.len()]);
+    }
+
+    #[test]
+    fn where_no_piece_is_left_nothing_is_followed() {
+        let recording = strokes(&[20.0, 20.0]);
+        let out = LeftOut { strokes: vec![0..recording.len()], ..LeftOut::default() };
+        assert!(out.pieces(&recording).is_empty());
+        assert_eq!(LeftOut::NONE.pieces(&recording), [Piece::unknown(0..recording.len())]);
+    }
+
+    #[test]
+    fn what_lies_before_the_first_piece_is_not_known() {
+        let recording = strokes(&[20.0, 20.0, 20.0, 20.0]);
+        let (stiffness, coulomb_force, exponent) = (2e4, 2.0, 1.0);
+        let dahl = DahlParams { stiffness, coulomb_force, exponent, viscous_damping: 1.0 };
+        let trocar = Trocar::of_seal(Classical::Dahl(Dahl::new(dahl).expect("a model")));
+        let whole = replay(&trocar, &recording, 0.0);
+        let begin = recording.len() / 2;
+        let rest = vec![Piece::unknown(begin..recording.len())];
+        let out = LeftOut { strokes: vec![0..begin], rest, ..LeftOut::default() };
+        let run = replay_rest(&trocar, &recording, |i| recording.force[i], &out);
+        assert!(whole.known[0].start < begin);
+        assert!(!run.known.is_empty() && run.known.iter().all(|known| known.start > begin));
+        assert_eq!(run.force[..begin], whole.force[..begin]);
+    }
 }
