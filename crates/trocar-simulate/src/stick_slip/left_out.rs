@@ -426,6 +426,10 @@ mod tests {
         Recording::from_columns("strokes", time, position, force).expect("a recording")
     }
 
+    fn one(stroke: Range<usize>) -> Vec<Range<usize>> {
+        vec![stroke]
+    }
+
     #[test]
     fn what_slides_before_a_stroke_that_is_not_seen_to_let_go_is_left() {
         let recording = strokes(&[20.0, 20.0, 20.0, 2.0, 20.0, 20.0]);
@@ -436,7 +440,7 @@ mod tests {
         let segments = segment(&recording, &SegmentOptions::default());
         let out = Followed::new(&both, &recording).left_out(&segments, Some(1e-3));
         let slow = &segments.strokes[3];
-        assert_eq!(out.strokes, [slow.start..slow.end]);
+        assert_eq!(out.strokes, one(slow.start..slow.end));
         let left: Vec<_> = out.pieces(&recording).into_iter().map(|own| own.samples).collect();
         assert_eq!(left, [0..slow.start + 1, slow.end..recording.len()]);
     }
@@ -444,7 +448,7 @@ mod tests {
     #[test]
     fn where_no_piece_is_left_nothing_is_followed() {
         let recording = strokes(&[20.0, 20.0]);
-        let out = LeftOut { strokes: vec![0..recording.len()], ..LeftOut::default() };
+        let out = LeftOut { strokes: one(0..recording.len()), ..LeftOut::default() };
         assert!(out.pieces(&recording).is_empty());
         assert_eq!(LeftOut::NONE.pieces(&recording), [Piece::unknown(0..recording.len())]);
     }
@@ -458,7 +462,7 @@ mod tests {
         let whole = replay(&trocar, &recording, 0.0);
         let begin = recording.len() / 2;
         let rest = vec![Piece::unknown(begin..recording.len())];
-        let out = LeftOut { strokes: vec![0..begin], rest, ..LeftOut::default() };
+        let out = LeftOut { strokes: one(0..begin), rest, ..LeftOut::default() };
         let run = replay_rest(&trocar, &recording, |i| recording.force[i], &out);
         assert!(whole.known[0].start < begin);
         assert!(!run.known.is_empty() && run.known.iter().all(|known| known.start > begin));
