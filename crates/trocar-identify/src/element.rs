@@ -140,13 +140,15 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
 /// The fit without a Stribeck curve that the two steps found, where that is better: the curve may have held
 /// it far from the least squares.
 fn without_curve(training: &Training, found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
+    // Where the seal is seen to let go it has one.
+    if !found.best.layout.stribeck || found.best.layout.lets_go.is_some() {
+        return found;
+    }
     let mut curved = found.best.clone();
     for sliding in [&mut curved.candidate.insertion, &mut curved.candidate.withdrawal] {
         sliding.coulomb_force = sliding.static_force;
     }
-    // Where the seal is seen to let go it has one.
-    let is_open = curved.layout.stribeck && curved.layout.lets_go.is_none();
-    let plain = is_open.then(|| Term::Stribeck.left_out_of(&curved)).flatten();
+    let plain = Term::Stribeck.left_out_of(&curved);
     let fit = plain.and_then(|plain| likelihood::fit(training, &plain, NEXT));
     fit.filter(|fit| fit.cost() < found.cost()).unwrap_or(found)
 }

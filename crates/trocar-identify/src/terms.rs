@@ -430,7 +430,8 @@ pub(super) const SUSPECTED: f64 = 0.05;
 /// encoders look like creep and a static force. Of 90 drawn seals (`drawn_strokes` 11 to 100 of
 /// `tests/trust`) those without either lost up to 0.6 % to them with finer encoders, and up to 4.1 %
 /// where the steps are [`trocar_recording::COARSE`] or more; a static force that was there removed 1.4 %
-/// or more, and 5.6 % or more behind such steps, creep up to 3.8 %. What imitates them is held to the same.
+/// or more, and 5.6 % or more behind such steps, creep up to 3.8 %. Relaxation imitates them and is
+/// held to the same, seal damping behind such steps alone: a real lip seal needs it for less.
 const LEAST_GAIN: f64 = 1e-3;
 const LEAST_GAIN_AT_YIELD: f64 = 1e-2;
 const LEAST_GAIN_BEHIND_STEPS: f64 = 5e-2;

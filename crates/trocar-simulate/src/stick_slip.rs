@@ -346,9 +346,16 @@ mod tests {
 
     /// The same by a width, N, at each speed.
     fn swinging(slowest: f64, width: impl Fn(f64) -> f64) -> Recording {
+        at_speeds((0..12).map(|stroke| slowest * f64::from(1 + stroke / 2)), width)
+    }
+
+    /// Strokes of 10 mm, the next one back, at these speeds, mm/s.
+    pub(super) fn at_speeds(
+        speeds: impl Iterator<Item = f64>,
+        width: impl Fn(f64) -> f64,
+    ) -> Recording {
         let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
-        for stroke in 0..12 {
-            let speed = slowest * f64::from(1 + stroke / 2);
+        for (stroke, speed) in (0..).zip(speeds) {
             let sign = if stroke % 2 == 0 { 1.0 } else { -1.0 };
             // Slips begin anywhere.
             let phase = 0.37 * f64::from(stroke);

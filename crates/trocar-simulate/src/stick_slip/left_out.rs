@@ -345,10 +345,8 @@ impl<'a> Followed<'a> {
             let Some([first, last]) = self.slides(stroke) else {
                 out.strokes.push(stroke.start..stroke.end);
                 // What slid before ends here at the latest.
-                out.rest.push(release.map_or_else(
-                    || up_to(stroke.start, None),
-                    |(at, reading)| up_to(at, Some(reading)),
-                ));
+                let (end, reading) = release.map_or((stroke.start, None), |(at, f)| (at, Some(f)));
+                out.rest.push(up_to(end, reading));
                 continue;
             };
             // Where a stroke begins with a known state, its deformation ends where the seal lets go.
@@ -406,24 +404,15 @@ fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Rang
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::at_speeds;
     use super::*;
     use crate::replay::{replay, replay_rest};
     use crate::segment::{SegmentOptions, segment};
     use trocar_model::{Classical, Dahl, DahlParams, Trocar};
 
-    /// Strokes of 10 mm at these speeds, mm/s, against 2 N.
+    /// Strokes of 10 mm at these speeds, mm/s, without a swing.
     fn strokes(speeds: &[f64]) -> Recording {
-        let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
-        for (stroke, speed) in speeds.iter().enumerate() {
-            for k in 1..=(10e3 / speed) as u32 {
-                let way = 1e-3 * speed * f64::from(k);
-                let inserts = stroke % 2 == 0;
-                time.push(1e-3 * time.len() as f64);
-                position.push(1e-3 * if inserts { way } else { 10.0 - way });
-                force.push(if inserts { 2.0 } else { -2.0 });
-            }
-        }
-        Recording::from_columns("strokes", time, position, force).expect("a recording")
+        at_speeds(speeds.iter().copied(), |_| 0.0)
     }
 
     fn one(stroke: Range<usize>) -> Vec<Range<usize>> {
